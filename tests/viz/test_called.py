@@ -28,6 +28,9 @@ def say(*rows: tuple[int, str, tuple[int, ...], str | None]) -> tuple[SaidRecord
         (((0, "a bus", (1,), "bus"), (9, "both", (1, 2), None), (20, "it", (1,), "bus")),
          ["the bus", "the pedestrian"]),
         (((0, "a <b>car</b>", (1,), "car"),), ["the car", "the pedestrian"]),
+        (((0, "SUV", (1,), "car"), (9, "she", (2,), "pedestrian")), ["the SUV", "the pedestrian"]),
+        (((0, "A TAXI", (1,), "taxi"), (9, "JOGGER", (2,), "pedestrian")),
+         ["the taxi", "the jogger"]),
     ],
 )  # fmt: skip
 def test_agents_are_called_as_the_instruction_calls_them(

@@ -7,8 +7,11 @@ from typing import Any
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
 
-_FIGURES = ("pet", "clearance", "path_ttc", "relative_speed")
-"""Evidence that is worth comparing, where both events have it."""
+_FIGURES = {
+    "pet": "{:.1f} s apart", "clearance": "least distance {:.1f} m",
+    "path_ttc": "time to collision along the paths {:.1f} s", "relative_speed": "at {:.1f} m/s",
+}  # fmt: skip
+"""Evidence that is worth comparing, in words."""
 
 
 def compare_versions(
@@ -40,16 +43,15 @@ def _build_rows(a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof) 
 
 def _format_events(record: SceneRecord, proof: Proof) -> str:
     names = {each.id: each.name for each in record.agents}
-    events = [_format_event(each, names) for each in proof.events]
-    return "; ".join(events) or "nothing happens"
+    return "; ".join(_format_event(each, names) for each in proof.events) or "nothing happens"
 
 
 def _format_event(event: Event, names: dict[int, str]) -> str:
     figures = [
-        f"{key} {event.evidence[key]:.2f}"
-        for key in _FIGURES
+        words.format(event.evidence[key])
+        for key, words in _FIGURES.items()
         if isinstance(event.evidence.get(key), float)
     ]
     measured = f" ({', '.join(figures)})" if figures else ""
     pair = f"{names.get(event.from_, event.from_)} and {names.get(event.to, event.to)}"
-    return f"{event.type} of {pair} at {event.time:.1f} s{measured}"
+    return f"{event.type.replace('_', ' ')} of {pair} at {event.time:.1f} s{measured}"

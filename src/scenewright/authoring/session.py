@@ -548,6 +548,9 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
     version, lost = _find_version(state, None), list[str]()
     try:
         if isinstance(reading, Edits) and version is not None:
+            # What was left out of the version is left out of what is made of it.
+            unshown = _load_scene(version, context)[1].list_words("not_shown")
+            setting = replace(setting, lenient=setting.lenient or bool(unshown))
             text = _join_words(version["text"], state["words"])
             made = _run_apart(
                 setting, _change_version, text, reading.edits, version, setting, context

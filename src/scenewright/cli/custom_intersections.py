@@ -94,7 +94,7 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
         licence=options.licence,
         force=options.force,
         extra={
-            **_report_files(file, made, report),
+            **_report_files(made, report),
             SURVEY: write_survey(
                 made.survey, map_format=made.map_format, extent=options.extent,
                 title=options.title, signals=options.signals,
@@ -119,21 +119,19 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
     }
 
 
-def _report_files(file: str, made: ImportedMap, report: Mapping[str, Any]) -> dict[str, bytes]:
+def _report_files(made: ImportedMap, report: Mapping[str, Any]) -> dict[str, bytes]:
     """The report as files of the bundle: its facts, and the map over the file's own geometry."""
     import json
     import tempfile
 
-    from scenewright.tools.map_import.raw_geometry import read_raw_geometry
     from scenewright.viz.import_picture import draw_import
 
-    layers = vars(read_raw_geometry(Path(file), made.map_format, made.file_origin, made.offset))
     with tempfile.TemporaryDirectory() as scratch:
         picture = Path(scratch) / REPORT_PICTURE
         draw_import(
             picture,
             intersection=made.intersection_map,
-            layers=layers,
+            layers=made.survey.drawn,
             lines=[f"{item.item}: {item.detail}" for item in made.items],
         )
         drawn = picture.read_bytes()

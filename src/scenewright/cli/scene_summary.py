@@ -11,11 +11,12 @@ from typing import Any
 from scenewright.cli.console import format_one_line
 from scenewright.scene.account import SaidRecord, SaidSpan, WordState
 from scenewright.scene.base import Point
+from scenewright.scene.called import call_agents
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.kinds import get_kind
 from scenewright.scene.map import IntersectionMap, Lanelet
 from scenewright.scene.objects import ObjectRecord
-from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.record import SceneRecord
 
 VERBS = {
     "yielding": "yields to",
@@ -98,8 +99,7 @@ def list_findings(proof: Proof) -> tuple[Finding, ...]:
 
 def describe_event(event: Event, scene: SceneRecord, intersection_map: IntersectionMap) -> str:
     """One event: its agents, its type, its time and place."""
-    agents = {agent.id: agent for agent in scene.agents}
-    first, second = (name_agent(agents.get(each), each) for each in (event.from_, event.to))
+    first, second = (name_agent(scene, each) for each in (event.from_, event.to))
     kind = f" ({event.kind.replace('_', ' ')})" if event.kind else ""
     pet = event.evidence.get("pet")
     gap = f", {pet:.1f} s apart" if isinstance(pet, float) else ""
@@ -131,18 +131,20 @@ def describe_avoidability(
     return [f"to avoid it: {', '.join(parties)}"] if parties else []
 
 
-def name_agent(agent: AgentRecord | None, number: int) -> str:
-    """An agent by name, with what distinguishes it."""
+def name_agent(scene: SceneRecord, number: int) -> str:
+    """An agent by name, with what the instruction calls it and its way."""
+    agent = next((each for each in scene.agents if each.id == number), None)
     if agent is None:
         return f"agent {number}"
-    name = format_one_line(agent.name, limit=40)
-    if agent.type == "vehicle":
-        what = format_one_line(agent.subtype or "vehicle", limit=20)
-        return f"{name} ({what}, {agent.entry} to {agent.exit})"
-    if agent.type != "pedestrian" and agent.crosswalk is None:
-        return f"{name} ({agent.entry} to {agent.exit})"
-    way = "jaywalking" if agent.crosswalk is None else f"{agent.crosswalk} crosswalk"
-    return f"{name} ({way})"
+    way = f"{agent.entry} to {agent.exit}"
+    if agent.crosswalk is not None:
+        way = f"{agent.crosswalk} crosswalk"
+    elif agent.type == "pedestrian":
+        way = "jaywalking"
+    called = call_agents(scene)[number]  # "the taxi"; "car 1" says no more than its class
+    what = called[4:] if called.startswith("the ") else agent.subtype or agent.type
+    known = "" if what == agent.type else f"{format_one_line(what, limit=30)}, "
+    return f"{format_one_line(agent.name, limit=40)} ({known}{way})"
 
 
 def place(spot: Point, intersection_map: IntersectionMap) -> str:

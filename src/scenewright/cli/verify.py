@@ -207,13 +207,12 @@ def _build_rows(checked: Checked) -> list[tuple[Any, ...]]:
 def _format_event(event: Event, scene: SceneRecord) -> tuple[Any, ...]:
     from rich.text import Text
 
-    agents = {agent.id: agent for agent in scene.agents}
     words = event.type.replace("_", " ") + (f", {event.kind}" if event.kind else "")
     x, y = event.location
     return (
         Text(words.replace("_", " ")),
-        Text(name_agent(agents.get(event.from_), event.from_)),
-        Text(name_agent(agents.get(event.to), event.to)),
+        Text(name_agent(scene, event.from_)),
+        Text(name_agent(scene, event.to)),
         Text(f"{event.time:.1f} s"),
         Text(f"({x:.1f}, {y:.1f})"),
     )

@@ -8,7 +8,10 @@ from collections import Counter
 from scenewright.scene.phrasing import number_nouns
 from scenewright.scene.record import SceneRecord
 
-_NOUN_PHRASE = re.compile(r"(?:an?|the|my|our|one|some|this|that) ([\w' -]{1,30})", re.IGNORECASE)
+_NOUN_PHRASE = re.compile(
+    r"(?:(?:an?|the|my|our|one|some|this|that) )?([\w' -]{1,30})", re.IGNORECASE
+)
+_PRONOUNS = "it they them he him she her who that which both one another someone somebody anyone"
 _NUMBERS = re.compile(r"\bagents? (\d+(?:, \d+)*)\b|(?<=\bof )(\d+ and \d+)(?= at )")
 _CODE = re.compile(r"\b([a-z_]+)\(([^()]*)\)|\b[a-z]+(?:_[a-z]+)+\b")
 _RELATIONS = {"collide_at": "collision", "yield_to": "yielding"}
@@ -22,11 +25,13 @@ def call_agents(scene: SceneRecord) -> dict[int, str]:
     named = [agent for agent in scene.agents if agent.role == "foreground"]
     nouns = {each.id: (each.subtype or each.type).replace("_", " ") for each in named}
     spans = Counter(each.start for each in scene.said if each.became == "agent")
+    in_capitals = all(each.words.isupper() for each in scene.said if each.became == "agent")
     for each in reversed(scene.said):
-        phrase = _NOUN_PHRASE.fullmatch(each.words)
+        is_pronoun = each.words.lower() in _PRONOUNS.split()
+        phrase = None if is_pronoun else _NOUN_PHRASE.fullmatch(each.words)
         alone = each.became == "agent" and len(each.agents) == 1 and spans[each.start] == 1
         if phrase and alone and each.value and each.agents[0] in nouns:
-            nouns[each.agents[0]] = phrase[1]
+            nouns[each.agents[0]] = phrase[1].lower() if in_capitals else phrase[1]
     return {agent.id: agent.name for agent in scene.agents} | number_nouns(nouns)
 
 
@@ -51,6 +56,6 @@ def speak_plainly(text: str, scene: SceneRecord) -> str:
         def rename(found: re.Match[str], meant: str = meant) -> str:
             return meant + " (" * (found[1] is not None)
 
-        pattern = rf"\b(?:{re.escape(name)}|{re.escape(meant)})\b(?: \([a-z -]+(?:\)|(, )))?"
+        pattern = rf"\b(?:{re.escape(name)}|{re.escape(meant)})\b(?: \([\w' -]+(?:\)|(, )))?"
         text = re.sub(pattern, rename, text)
     return re.sub(r"\b(\w+) the \1\b", r"the \1", text)  # "parked the parked truck"

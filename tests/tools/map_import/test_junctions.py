@@ -3,7 +3,7 @@
 import gzip
 import importlib.util
 import math
-import zlib
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,11 +12,13 @@ import map_files
 from scenewright.errors import InputError
 from scenewright.tools.map_import import import_map, list_junctions
 from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
-from scenewright.tools.map_import.osm_elements import _read_messages
-from scenewright.tools.map_import.osm_streets import cut_out_if_needed, is_driven
+from scenewright.tools.map_import.osm_file import cut_out, is_driven
 
 needs_sumo = pytest.mark.skipif(
     importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
+)
+needs_osmium = pytest.mark.skipif(
+    importlib.util.find_spec("osmium") is None, reason="osmium is not installed"
 )
 
 
@@ -76,6 +78,7 @@ def town(tmp_path_factory):
     return map_files.osm(file, (0, 90, 180, 270), names=names, second=True)
 
 
+@needs_osmium
 def test_all_junctions_are_listed_with_streets_and_places(town):
     found = list_junctions(town).junctions
     assert [each.id for each in found] == ["1", "101"]
@@ -83,6 +86,7 @@ def test_all_junctions_are_listed_with_streets_and_places(town):
     assert found[0].degrees == pytest.approx(map_files.ORIGIN, abs=1e-6)
 
 
+@needs_osmium
 def test_packed_files_list_the_same(town, tmp_path):
     packed = tmp_path / "town.osm.gz"
     packed.write_bytes(gzip.compress(town.read_bytes()))
@@ -92,41 +96,28 @@ def test_packed_files_list_the_same(town, tmp_path):
         list_junctions(packed)
 
 
-def pbf(file):
-    """A crossing of two streets as protocol buffers, nodes dense, as public extracts are."""
-    lat, lon = (round(degrees * 1e7) for degrees in map_files.ORIGIN)
-    spots = [(lat, lon), (lat + 9000, lon), (lat - 9000, lon), (lat, lon + 9000), (lat, lon - 9000)]
-    steps = np.diff(np.array([(0, 0), *spots]), axis=0).tolist()
-    block = _read_messages()["PrimitiveBlock"]()
-    block.stringtable.s.extend(
-        [b"", b"highway", b"residential", b"name", b"Elm Street", b"Mill Road"]
-    )
-    group = block.primitivegroup.add()
-    group.dense.id.extend([1] * 5)
-    group.dense.lat.extend(step[0] for step in steps)
-    group.dense.lon.extend(step[1] for step in steps)
-    for number, (refs, name) in enumerate([((2, -1, 2), 4), ((4, -3, 4), 5)], start=1):
-        way = group.ways.add(id=number)
-        way.keys.extend([1, 3])
-        way.vals.extend([2, name])
-        way.refs.extend(refs)
-    with file.open("wb") as stream:
-        for kind, data in (("OSMHeader", b""), ("OSMData", block.SerializeToString())):
-            blob = _read_messages()["Blob"](zlib_data=zlib.compress(data), raw_size=len(data))
-            body = blob.SerializeToString()
-            head = _read_messages()["BlobHeader"](type=kind, datasize=len(body)).SerializeToString()
-            stream.write(len(head).to_bytes(4) + head + body)
-    return file
+@needs_osmium
+def test_protocol_buffers_are_read(town, tmp_path):
+    import osmium
 
-
-def test_protocol_buffers_are_read(tmp_path):
-    [found] = list_junctions(pbf(tmp_path / "town.osm.pbf")).junctions
-    assert (found.id, found.legs) == ("1", 4)
-    assert set(found.streets) == {"Elm Street", "Mill Road"}
+    packed = tmp_path / "town.osm.pbf"
+    with osmium.SimpleWriter(str(packed)) as writer:
+        for each in osmium.FileProcessor(str(town)):
+            writer.add(each)
+    found, expected = (list_junctions(file).junctions for file in (packed, town))
+    assert [(x.id, x.streets) for x in found] == [(x.id, x.streets) for x in expected]
     cut = tmp_path / "cut.osm.pbf"
-    cut.write_bytes((tmp_path / "town.osm.pbf").read_bytes()[:-9])
-    with pytest.raises(InputError, match="cut off"):
+    cut.write_bytes(packed.read_bytes()[:-9])
+    with pytest.raises(InputError, match="damaged"):
         list_junctions(cut)
+
+
+@needs_osmium
+def test_ways_before_their_nodes_list_the_same(town, tmp_path):
+    tree = ElementTree.parse(town)
+    tree.getroot()[:] = sorted(tree.getroot(), key=lambda each: each.tag, reverse=True)
+    tree.write(tmp_path / "turned.osm")
+    assert list_junctions(tmp_path / "turned.osm").junctions == list_junctions(town).junctions
 
 
 @needs_sumo
@@ -180,13 +171,14 @@ def test_streets_for_buses_alone_are_no_streets_for_cars(tags, closed):
     assert is_driven({"highway": "tertiary", **tags}) is not closed
 
 
+@needs_osmium
 def test_a_street_for_buses_alone_is_neither_listed_nor_converted(tmp_path):
     file = map_files.osm(tmp_path / "four.osm", (0, 90, 180, 270))
-    assert cut_out_if_needed(file, tmp_path, map_files.ORIGIN) == file
     name = '<tag k="name" v="Street 2"/>'
     bus = '<tag k="motor_vehicle" v="no"/><tag k="bus" v="yes"/>'
     file.write_text(file.read_text().replace(name, name + bus))
     [found] = list_junctions(file).junctions
     assert set(found.streets) == {"Street 1", "Street 3", "Street 4"}
-    text = cut_out_if_needed(file, tmp_path, map_files.ORIGIN).read_text()
+    cut_out(file, tmp_path / "part.osm", middle=map_files.ORIGIN)
+    text = (tmp_path / "part.osm").read_text()
     assert [f"Street {k}" in text for k in range(1, 5)] == [True, False, True, True]

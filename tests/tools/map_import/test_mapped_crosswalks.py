@@ -16,7 +16,8 @@ from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
     read_opendrive_file,
 )
-from scenewright.tools.map_import.osm_features import list_osm_crossings, read_osm_file
+from scenewright.tools.map_import.osm_features import list_osm_crossings
+from scenewright.tools.map_import.osm_file import read_osm_file
 from scenewright.tools.map_import.read_lanelet2 import FileElements
 
 needs_sumo = pytest.mark.skipif(

@@ -10,7 +10,7 @@ from test_mapped_crosswalks import add_to_osm, put_on_way
 
 import map_files
 from scenewright.tools.map_import import driving_side, import_map
-from scenewright.tools.map_import.osm_features import read_osm_file
+from scenewright.tools.map_import.osm_file import read_osm_file
 
 needs_sumo = pytest.mark.skipif(
     importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"

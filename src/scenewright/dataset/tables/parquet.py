@@ -24,7 +24,9 @@ from scenewright.extras import require_extra
 from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
 from scenewright.scene.base import AgentClass
+from scenewright.scene.called import call_agents
 from scenewright.scene.events import Proof
+from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import VEHICLE_SIZES
 
 TABLES = ("scenes", "agents", "tracks", "events", "account", "lights", "map", "refused")
@@ -77,10 +79,12 @@ def build_rows(files: SceneFiles) -> dict[str, Any]:
     if files.scene is None or files.proof is None:
         return {name: [] for name in TABLES} | {"refused": [files.about], "tracks": {}}
     row, scene = files.about["row"], files.scene
+    called = call_agents(SceneRecord.model_validate(scene))
     return {
         "scenes": [_build_scene_row(files)],
         "agents": [
-            _build_agent_row(row, agent, scene["meta"]["step"]) for agent in scene["agents"]
+            _build_agent_row(row, agent, scene["meta"]["step"]) | {"called": called[agent["id"]]}
+            for agent in scene["agents"]
         ],
         "tracks": _build_track_rows(row, scene),
         "events": list(build_event_rows(row, scene, files.proof)),

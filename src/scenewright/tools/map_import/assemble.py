@@ -64,14 +64,12 @@ from scenewright.tools.map_import.quality_report import (
     list_crosswalk_notes,
     rate_crosswalks,
 )
-from scenewright.tools.map_import.report_items import ReportItem
-from scenewright.tools.map_import.signal_lights import find_lit_legs
-from scenewright.tools.map_import.signal_programs import SignalInput, build_signal_program
-from scenewright.tools.map_import.survey import (
-    Survey,
-    SurveyConnection,
-    SurveyLane,
+from scenewright.tools.map_import.signal_programs import (
+    SignalInput,
+    build_signal_program,
+    find_lit_legs,
 )
+from scenewright.tools.map_import.survey import ReportItem, Survey, SurveyConnection, SurveyLane
 
 _EXTENTS = (50.0, 90.0)
 _ROOM = 28.0
@@ -158,6 +156,7 @@ class _Assembly:
         self.notes = [survey.side.describe(), *survey.notes]
         self.rounded = 0
         self.crossed: dict[int, str] = {}
+        self.refused: dict[int, str] = {}
         self.legs = find_legs(survey)
         self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
         self.crossings = choose_crossings(survey, self.legs)
@@ -178,6 +177,12 @@ class _Assembly:
             self.legs,
             [(*self._find_leg_pair(each), self._measure_turn(each)) for each in self.connections],
         )
+        self.lane_names = {
+            lane.id: f"{name}:{side}:{n}"
+            for name, leg in zip(self.names, self.legs, strict=True)
+            for side, lanes in (("approach", leg.approaches), ("exit", leg.exits))
+            for n, lane in enumerate(lanes, start=1)
+        }
         self.extended = {
             lane.id: _extend_lane(
                 lane, is_approach, self.extent + 20.0, leg.approaches if is_approach else leg.exits
@@ -219,7 +224,9 @@ class _Assembly:
         for k, leg in enumerate(self.legs):
             room = self.extent - 9.0 - float(np.abs(leg.throat).max())
             mapped = self.crossings.by_leg.get(k)
-            found[k] = ground.place_crosswalk(leg, self.road, mapped, room=room)
+            found[k], why = ground.place_crosswalk(leg, self.road, mapped, room=room)
+            if why:
+                self.refused[k] = why
         kept: dict[int, CrosswalkPlacement] = {}
         for k, placed in sorted(found.items(), key=lambda each: _rank_placement(*each)):
             if placed is None:
@@ -237,7 +244,9 @@ class _Assembly:
         placements = self.placements
         choice = self.crossings.leave_out(self.crossed)
         return tuple(
-            describe_crosswalk(name, placements.get(k), choice, k, self.survey.crossings)
+            describe_crosswalk(
+                name, placements.get(k), choice, k, self.survey.crossings, self.refused.get(k, "")
+            )
             for k, name in enumerate(self.names)
         )
 
@@ -315,8 +324,7 @@ class _Assembly:
         crossed = {route.split(":")[1] for route in self.crossing_lines}
         road = self.road.intersection(ground.build_square(self.extent))
         self._add_note(f"sidewalks were derived: {self._describe_sidewalks()}")
-        refuges = [placed.refuge_area for placed in self.placements.values() if placed.refuges]
-        walkable = geos.union_all([self.sidewalks, *refuges])
+        walkable = geos.union_all([self.sidewalks, *self.refuges.values()])
         return IntersectionMap(
             name=name,
             map_id=zlib.crc32(name.encode()) % 1_000_000,
@@ -412,35 +420,26 @@ class _Assembly:
             (self.names[a], self.names[b]) for a, (turn, b) in best.items() if turn < CLEARLY_TURNED
         }
 
-    def _name_lane(self, lane: SurveyLane, k: int, side: str) -> str:
-        own = self.legs[k].approaches if side == "approach" else self.legs[k].exits
-        return f"{self.names[k]}:{side}:{own.index(lane) + 1}"
-
     def _name_lanes(self, i: int) -> tuple[str, str, str]:
         """The names of the approach, the connector and the exit of a connection."""
-        connection = self.connections[i]
-        entry, exit_ = self._find_leg_pair(connection)
-        return (
-            self._name_lane(self.survey.approaches[connection.approach], entry, "approach"),
-            f"connector:{i + 1}",
-            self._name_lane(self.survey.exits[connection.exit], exit_, "exit"),
-        )
+        each = self.connections[i]
+        return self.lane_names[each.approach], f"connector:{i + 1}", self.lane_names[each.exit]
 
     def _build_lanelets(self) -> Iterator[Lanelet]:
         ways = [self._name_lanes(i) for i in range(len(self.connections))]
         for k, leg in enumerate(self.legs):
             for lane in leg.approaches:
-                name = self._name_lane(lane, k, "approach")
+                name = self.lane_names[lane.id]
                 onwards = tuple(inner for approach, inner, _ in ways if approach == name)
                 yield _build_lanelet(
                     self._clip_approach(lane, k), lane, id=name, kind="approach",
                     leg=self.names[k], successors=onwards,
                 )  # fmt: skip
             for lane in leg.exits:
-                name = self._name_lane(lane, k, "exit")
                 yield _build_lanelet(
-                    self._clip_exit(lane), lane, id=name, kind="exit", leg=self.names[k]
-                )
+                    self._clip_exit(lane), lane, id=self.lane_names[lane.id], kind="exit",
+                    leg=self.names[k],
+                )  # fmt: skip
         for i, (_, inner, onto) in enumerate(ways):
             lane = self.survey.approaches[self.connections[i].approach]
             yield _build_lanelet(
@@ -476,7 +475,7 @@ class _Assembly:
             ]
             base = leg.throat + distance * outwards
             line = round_points([base + min(lateral) * left, base + max(lateral) * left])
-            ids = tuple(self._name_lane(lane, k, "approach") for lane in leg.approaches)
+            ids = tuple(self.lane_names[lane.id] for lane in leg.approaches)
             yield StopLine(id=f"{name}:stop", leg=name, lanelets=ids, line=(line[0], line[1]))
 
     def _build_movements(self, program: SignalProgram | None) -> tuple[VehicleMovement, ...]:
@@ -561,34 +560,46 @@ class _Assembly:
     @cached_property
     def crossing_lines(self) -> dict[str, FloatArray]:
         """By route id, the path of pedestrians over a crosswalk, for each pair of sidewalks."""
-        corners = ground.build_corner_lines(self.road, self.legs, self.extent)
         found = {}
         for k, placed in self.placements.items():
-            left, right = corners.get(k), corners.get((k - 1) % len(self.legs))
-            if left is None or right is None:
-                self._add_note(
-                    f"the {self.names[k]} leg has no sidewalk on one side: it has no crosswalk"
-                )
-                continue
             key, (a, b) = f"pedestrian:{self.names[k]}", find_sides(self.names[k])
             lines = {
                 (before, after): _round_corners(
-                    ground.build_crossing_line(placed, left, right, before=before, after=after)
+                    ground.build_crossing_line(
+                        placed, self._list_corners(k), before=before, after=after
+                    )
                 )
                 for before, after in product(SIDEWALKS, SIDEWALKS)
             }
-            walked = geos.union_all([self.sidewalks, placed.area]).buffer(0.3)
+            walked = geos.union_all([self.sidewalks, placed.area, self.refuges[k]]).buffer(0.3)
             shares = (geos.contains_xy(walked, *line.T).mean() for line in lines.values())
             if not all(share > _ON_GROUND for share in shares):
                 self._add_note(
-                    f"the crosswalk on the {self.names[k]} leg ends on no sidewalk, as where it "
-                    "spans one carriageway of several: it is left out"
+                    f"the crosswalk on the {self.names[k]} leg ends on no sidewalk: nobody walks "
+                    "over it"
                 )
                 continue
             for (before, after), line in lines.items():
                 found[f"{key}:{a}>{b}:{before}>{after}"] = line
                 found[f"{key}:{b}>{a}:{after}>{before}"] = line[::-1]
         return found
+
+    @cached_property
+    def corners(self) -> dict[int, FloatArray]:
+        """By leg: the middle of the sidewalk from it to the next leg."""
+        return ground.build_corner_lines(self.road, self.legs, self.extent)
+
+    def _list_corners(self, k: int) -> tuple[FloatArray | None, FloatArray | None]:
+        """The sidewalks to the left and to the right of a leg, looking outwards."""
+        return self.corners.get(k), self.corners.get((k - 1) % len(self.legs))
+
+    @cached_property
+    def refuges(self) -> dict[int, Any]:
+        """By leg: ground beside its crosswalk that is no sidewalk."""
+        return {
+            k: placed.find_refuge(self.road, self._list_corners(k))
+            for k, placed in self.placements.items()
+        }
 
     @cached_property
     def sidewalks(self) -> Any:

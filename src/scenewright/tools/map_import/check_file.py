@@ -16,11 +16,10 @@ from xml.parsers import expat
 
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
-from scenewright.tools.map_import.osm_elements import is_pbf
 
 MapFormat = Literal["osm", "lanelet2", "opendrive", "sumo", "commonroad", "argoverse2", "womd"]
 
-SUMO = ("maps", "importing a map of OpenStreetMap, OpenDRIVE or SUMO", "sumo", "sumolib")
+SUMO = ("maps", "importing a map of OpenStreetMap, OpenDRIVE or SUMO", "sumo", "sumolib", "osmium")
 """The extra by which these formats are read, for what, and its modules."""
 
 MAX_BYTES = 200_000_000
@@ -64,6 +63,12 @@ def detect_map_format(file: Path) -> MapFormat:
     if scan.format is None:
         raise InputError(f"{file} is no map that can be read: {_SUPPORTED}")
     return "lanelet2" if scan.has_lanelets else scan.format
+
+
+def is_pbf(file: Path) -> bool:
+    """Whether a file begins like an OpenStreetMap file of protocol buffers."""
+    with file.open("rb") as stream:
+        return b"OSMHeader" in stream.read(64)
 
 
 def require_sumo(map_format: MapFormat) -> None:

@@ -14,7 +14,7 @@ from scenewright.geometry.geographic import LatLon
 from scenewright.geometry.polyline import measure_courses, rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.opendrive_features import OpenDriveFile
-from scenewright.tools.map_import.osm_features import OsmFile, Tags
+from scenewright.tools.map_import.osm_file import OsmFile, Tags
 from scenewright.tools.map_import.survey import ASSUMED_SIDE, DrivingSide
 
 _LEFT_HAND = (

@@ -38,6 +38,10 @@ _CORNER = 4.0
 """Crosswalks that meet nearer to an end of either meet at a corner [m]."""
 _MOST_SHARED = 0.5
 """Of the smaller one's area that two crosswalks may have in common."""
+_BESIDE = 4.5
+"""An end of a crosswalk that lies farther from the middle of every sidewalk is on an island [m]."""
+_STEP_OFF = 1.2
+"""So far beyond its end people on an island begin and end [m]."""
 _SEARCH = 22.0
 """How far out of the junction a place for a crosswalk is looked for [m]."""
 
@@ -74,12 +78,47 @@ class CrosswalkPlacement:
         """The area that traffic waiting before it keeps clear."""
         return self.area.buffer(_STOP_GAP, join_style="mitre")
 
-    @property
-    def refuge_area(self) -> Any:
-        """Ground beside its ends that people walk over to reach the sidewalk."""
+    def find_refuge(self, road: Any, corners: Sequence[FloatArray | None]) -> Any:
+        """Ground beside its ends on which people walk to the sidewalk, or end: an island's.
+
+        Args:
+            corners: see `build_crossing_line`.
+        """
         half = self.width / 2
         strips = [geos.LineString(each).buffer(half, cap_style="square") for each in self.refuges]
-        return geos.union_all(strips)
+        islands = [
+            geos.Point(self._step_off(i)).buffer(2 * _STEP_OFF).difference(road)
+            for i, corner in enumerate(corners)
+            if self._find_nearest(i, corner) is None
+        ]
+        return geos.union_all([*strips, *islands])
+
+    def _step_off(self, i: int) -> FloatArray:
+        """[2] a place on the ground beyond one of its ends [m]."""
+        ahead = self.ends[i] - self.ends[1 - i]
+        return np.asarray(self.ends[i] + _STEP_OFF * ahead / max(float(np.hypot(*ahead)), 1e-9))
+
+    def _find_nearest(self, i: int, corner: FloatArray | None) -> int | None:
+        """Which point of a corner line lies beside one of its ends; None if it is an island's."""
+        if corner is None:
+            return None
+        kerb = next(
+            (x[1] for x in self.refuges if np.array_equal(x[0], self.ends[i])), self.ends[i]
+        )
+        away = np.hypot(*(corner - kerb).T)
+        return int(away.argmin()) if away.min() < _BESIDE else None
+
+    def follow(self, i: int, corner: FloatArray | None, *, towards_start: bool) -> FloatArray:
+        """[P, 2] from beside one of its ends some metres along the sidewalk; on an island a step.
+
+        Args:
+            towards_start: whether against the direction of the corner line.
+        """
+        k = self._find_nearest(i, corner)
+        if corner is None or k is None:
+            return self._step_off(i)[None]
+        part = corner[k::-1] if towards_start else corner[k:]
+        return part[: max(round(_WALK / 0.5), 2) + 1]
 
     def crosses(self, other: CrosswalkPlacement) -> bool:
         """Whether it crosses another one or lies on it; that corners of both meet is neither."""
@@ -138,11 +177,12 @@ def place_crosswalk(
     mapped: MappedCrosswalk | None,
     *,
     room: float,
-) -> CrosswalkPlacement | None:
-    """Where the leg is crossed: as mapped, else at the first place past the kerbs' curves.
+) -> tuple[CrosswalkPlacement | None, str]:
+    """Where the leg is crossed, and why not as mapped.
 
-    What is mapped so deep inside the junction that the line along it is much longer than the leg is
-    wide is no crosswalk of the leg.
+    That is as mapped, else at the first place past the kerbs' curves. A place that is mapped so
+    deep inside the junction that the line along it is much longer than the leg is wide is no
+    crosswalk of the leg, unless the file draws the crosswalk as long.
 
     Args:
         room: how far outwards from the throat it may lie at most [m].
@@ -157,15 +197,28 @@ def place_crosswalk(
         (float(np.hypot(*(ends[1] - ends[0]))), t, ends) for t, ends in cuts if ends is not None
     ]
     shortest = min((length for length, _, _ in found), default=math.inf)
-    placed = None if mapped is None else _place_mapped_crosswalk(mapped, leg, road)
-    if placed is not None and placed.distance < room:
-        line = placed.ends[1] - placed.ends[0]
-        if abs(float(line @ rotate_left(leg.outwards))) <= shortest + 2 * _SLACK:
-            return placed
+    why = ""
+    if mapped is not None:
+        placed = _place_mapped_crosswalk(mapped, leg, road)
+        if placed is None:
+            why = "lies off our road"
+        elif placed.distance >= room:
+            why = "lies beyond the map"
+        else:
+            length = abs(float((placed.ends[1] - placed.ends[0]) @ rotate_left(leg.outwards)))
+            # A single node of a road says nothing of how long the crosswalk is.
+            is_drawn = mapped.is_bounded or len(mapped.stages) > 1
+            drawn = mapped.ends if is_drawn else mapped.limits
+            far = 0.0 if drawn is None else math.dist(*drawn)
+            if length <= max(shortest + 2 * _SLACK, far + _SLACK):
+                return placed, ""
+            deep = f"lies {-placed.distance:.1f} m too deep inside the junction: "
+            why = deep if placed.distance < 0 else ""
+            why += f"the line along it is {length:.0f} m long, the leg {shortest:.0f} m wide"
     if not found:
-        return None
+        return None, why
     distance, ends = next((t, ends) for length, t, ends in found if length <= shortest + _SLACK)
-    return CrosswalkPlacement(distance, ends, _CROSSWALK_WIDTH)
+    return CrosswalkPlacement(distance, ends, _CROSSWALK_WIDTH), why
 
 
 def _place_mapped_crosswalk(
@@ -292,21 +345,18 @@ def _find_exit_angle(leg: SurveyLeg, extent: float) -> float:
 
 
 def build_crossing_line(
-    placement: CrosswalkPlacement, left: FloatArray, right: FloatArray, *, before: str, after: str
+    placement: CrosswalkPlacement,
+    corners: Sequence[FloatArray | None],
+    *,
+    before: str,
+    after: str,
 ) -> FloatArray:
     """[P, 2] the path of a pedestrian crossing from the left side of a leg to its right side.
 
     Args:
-        left: corner line from this leg to the next; right: from the leg before to this one.
+        corners: corner line from this leg to the next, and from the leg before to this one.
         before, after: `leg` for the sidewalk of the leg crossed, `along` for the one beyond it.
     """
-    start = _follow_corner(left, placement.ends[0], towards_start=before == "leg")[::-1]
-    end = _follow_corner(right, placement.ends[1], towards_start=after == "along")
+    start = placement.follow(0, corners[0], towards_start=before == "leg")[::-1]
+    end = placement.follow(1, corners[1], towards_start=after == "along")
     return np.concatenate([start, end])
-
-
-def _follow_corner(corner: FloatArray, kerb: FloatArray, *, towards_start: bool) -> FloatArray:
-    """From beside the kerb point some metres along the corner line, in one direction."""
-    k = int(np.argmin(np.hypot(*(corner - kerb).T)))
-    part = corner[k::-1] if towards_start else corner[k:]
-    return part[: max(round(_WALK / 0.5), 2) + 1]

@@ -13,6 +13,7 @@ import numpy as np
 
 from scenewright.geometry.polyline import find_point, measure_length
 from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.legs import group_arms, measure_bearing
 
 _SHORT = 15.0
 """Pieces of street so short lie inside a junction [m]."""
@@ -27,9 +28,6 @@ _LONGEST_SLIP = 70.0
 _WIDEST_ISLAND = 35.0
 """A slip lane of no class of its own passes the junction's node so near [m]."""
 _OPPOSITE = math.radians(40.0)
-_SAME_LEG = math.radians(35.0)
-_AHEAD = 25.0
-"""Distance [m] at which the direction of a leg is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,17 +231,15 @@ def _build_group(
     arms = []
     for node in sorted(nodes):
         for piece in at[node]:
-            if piece.start in nodes and piece.end in nodes:
-                continue
-            line = piece.line if piece.start == node else piece.line[::-1]
-            ahead = find_point(line, _AHEAD) - line[0]
-            arms.append(JunctionLeg(piece.name_at(node), math.atan2(ahead[1], ahead[0])))
+            if piece.start not in nodes or piece.end not in nodes:
+                line = piece.line if piece.start == node else piece.line[::-1]
+                arms.append((line, piece.name_at(node)))
     middle = np.mean([places[node] for node in nodes], axis=0)
-    # Arms that lead the same way as one leg: the carriageways of a divided street.
-    found: list[JunctionLeg] = []
-    for arm in sorted(arms, key=lambda each: (not each.street, each.bearing, each.street)):
-        if all(abs(_turn(arm.bearing, other.bearing)) > _SAME_LEG for other in found):
-            found.append(arm)
+    found = []
+    for own in group_arms(arms) if arms else ():
+        ahead = sum(np.exp(1j * measure_bearing(arms[i][0])) for i in own)
+        name = min((arms[i][1] for i in own), key=lambda name: (not name, name))
+        found.append(JunctionLeg(name, float(np.angle(ahead))))
     return JunctionGroup(
         nodes=frozenset(nodes),
         xy=(float(middle[0]), float(middle[1])),

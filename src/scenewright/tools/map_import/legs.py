@@ -75,8 +75,8 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
     """
     lanes = [(lane, True) for lane in survey.approaches.values()]
     lanes += [(lane, False) for lane in survey.exits.values()]
-    groups = _cluster_angles([_measure_bearing(orient_outwards(*lane)) for lane in lanes])
-    legs = [_build_leg(own) for group in groups for own in _part_streets([lanes[i] for i in group])]
+    arms = [(orient_outwards(*lane), lane[0].road) for lane in lanes]
+    legs = [_build_leg([lanes[i] for i in own]) for own in group_arms(arms)]
     if (widest := max((len(leg.approaches) for leg in legs), default=0)) > _MOST_LANES:
         raise InputError(
             f"{survey.title} has a leg of {widest} lanes in one direction; a street has at most "
@@ -100,26 +100,29 @@ def _measure_place_angle(leg: SurveyLeg) -> float:
     return math.atan2(y, x)
 
 
-def _part_streets(
-    lanes: Sequence[tuple[SurveyLane, bool]],
-) -> Iterator[list[tuple[SurveyLane, bool]]]:
-    """Lanes of one direction, those apart that lie too far aside to be of the same street."""
-    bearings = [_measure_bearing(orient_outwards(*lane)) for lane in lanes]
-    ahead = np.array([(math.cos(angle), math.sin(angle)) for angle in bearings])
-    left = rotate_left(ahead.sum(axis=0) / np.hypot(*ahead.sum(axis=0)))
-    aside = [float(find_point(orient_outwards(*lane), _NEAR_OUT) @ left) for lane in lanes]
-    order = sorted(range(len(lanes)), key=lambda i: aside[i])
-    own = [lanes[order[0]]]
-    for before, after in pairwise(order):
-        same = lanes[before][0].road == lanes[after][0].road != ""
-        if aside[after] - aside[before] > (_WIDEST_MEDIAN if same else _OTHER_STREET):
-            yield own
-            own = []
-        own.append(lanes[after])
-    yield own
+def group_arms(arms: Sequence[tuple[FloatArray, str]]) -> Iterator[list[int]]:
+    """Which arms (line outwards [P, 2] [m], name of its street) are of one leg.
+
+    Those of one direction; apart are those that lie too far aside to be of the same street.
+    """
+    bearings = [measure_bearing(line) for line, _ in arms]
+    for group in _cluster_angles(bearings):
+        ahead = np.array([(math.cos(bearings[i]), math.sin(bearings[i])) for i in group])
+        left = rotate_left(ahead.sum(axis=0) / np.hypot(*ahead.sum(axis=0)))
+        aside = {i: float(find_point(arms[i][0], _NEAR_OUT) @ left) for i in group}
+        order = sorted(group, key=lambda i: (aside[i], i))
+        own = [order[0]]
+        for before, after in pairwise(order):
+            same = arms[before][1] == arms[after][1] != ""
+            if aside[after] - aside[before] > (_WIDEST_MEDIAN if same else _OTHER_STREET):
+                yield own
+                own = []
+            own.append(after)
+        yield own
 
 
-def _measure_bearing(line: FloatArray) -> float:
+def measure_bearing(line: FloatArray) -> float:
+    """The direction in which a line from the junction outwards leads [rad]."""
     near, far = (find_point(line, distance) for distance in _BEARING_RANGE)
     if float(np.hypot(*(far - near))) < 1.0:
         near = line[0]
@@ -148,7 +151,7 @@ def _cluster_angles(angles: Sequence[float]) -> list[list[int]]:
 
 def _build_leg(lanes: Sequence[tuple[SurveyLane, bool]]) -> SurveyLeg:
     lines = [orient_outwards(*lane) for lane in lanes]
-    ways = np.array([[math.cos(a), math.sin(a)] for a in map(_measure_bearing, lines)]).sum(axis=0)
+    ways = np.array([[math.cos(a), math.sin(a)] for a in map(measure_bearing, lines)]).sum(axis=0)
     near = np.array([find_point(line, 8.0) - line[0] for line in lines]).sum(axis=0)
     return SurveyLeg(
         bearing=math.atan2(ways[1], ways[0]),

@@ -145,6 +145,16 @@ class CrossingChoice:
         return CrossingChoice(kept, (*self.left_out, *dropped))
 
 
+def build_area_crossing(outline: FloatArray, source: str = "") -> SurveyCrossing:
+    """A crossing of an area [P, 2]: the middle line along its longer side."""
+    box = np.array(geos.minimum_rotated_rectangle(geos.MultiPoint(outline)).exterior.coords)
+    ahead = max(np.diff(box[:3], axis=0), key=lambda side: float(np.hypot(*side)))
+    ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
+    half, aside = np.ptp(outline @ ahead) / 2, np.ptp(outline @ rotate_left(ahead))
+    middle = np.array(geos.MultiPoint(outline).convex_hull.centroid.coords[0])
+    return SurveyCrossing(middle + np.outer([-half, half], ahead), float(aside), source=source)
+
+
 def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoice:
     """By leg, the crossings of the file that are its crosswalk."""
     leg_of_lane = {lane.id: k for k, leg in enumerate(legs) for lane in leg.lanes}

@@ -15,9 +15,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.geometry.polyline import rotate_left
 from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.map_parts import geos
+from scenewright.tools.map_import.mapped_crosswalks import build_area_crossing
 from scenewright.tools.map_import.survey import SurveyCrossing, SurveyLight
 
 _STEP = 0.25
@@ -169,7 +168,7 @@ def list_opendrive_crossings(file: OpenDriveFile, middle: FloatArray) -> list[Su
                 continue
             if (outline := _trace_outline(road, element)) is not None:
                 source = f"object {element.get('id', '?')} of road {road.id}"
-                found.append(_build_crossing(outline - middle, source))
+                found.append(build_area_crossing(outline - middle, source))
     return found
 
 
@@ -190,22 +189,6 @@ def _trace_outline(road: OpenDriveRoad, element: Any) -> FloatArray | None:
         [[math.cos(heading), math.sin(heading)], [-math.sin(heading), math.cos(heading)]]
     )
     return np.asarray(road.locate(s, t) + np.array(local) @ turn)
-
-
-def _build_crossing(outline: FloatArray, source: str) -> SurveyCrossing:
-    """The middle line of an outline along its longer side."""
-    box = np.array(geos.minimum_rotated_rectangle(geos.MultiPoint(outline)).exterior.coords)[:4]
-    sides = [box[1] - box[0], box[2] - box[1]]
-    lengths = [float(np.hypot(*side)) for side in sides]
-    long = int(np.argmax(lengths))
-    ahead = sides[long] / max(lengths[long], 1e-9)
-    extent = (outline - box.mean(axis=0)) @ ahead
-    aside = (outline - box.mean(axis=0)) @ rotate_left(ahead)
-    middle = np.array(geos.MultiPoint(outline).convex_hull.centroid.coords[0])
-    half = (extent.max() - extent.min()) / 2
-    return SurveyCrossing(
-        middle + np.outer([-half, half], ahead), float(aside.max() - aside.min()), source=source
-    )
 
 
 def list_opendrive_lights(file: OpenDriveFile, middle: FloatArray) -> list[SurveyLight]:
@@ -251,8 +234,21 @@ def _locate(
         yield before.locate(max(length - 1.0, 0.0) if at_end else min(1.0, length), 0.0)
 
 
-def list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:
-    """[P, 2] the borders of a road's lanes [m], for pictures."""
+def list_opendrive_lines(file: OpenDriveFile, middle: FloatArray) -> Mapping[str, list[FloatArray]]:
+    """Roads near a place, and all crossings and lights, by kind, for pictures [m]."""
+    near = [road for road in file.roads if np.abs(road.points - middle).max(axis=1).min() < _NEAR]
+    return {
+        "roads": [line for road in near for line in (road.points, *_list_lane_borders(road))],
+        "crossings": [each.line for each in list_opendrive_crossings(file, np.zeros(2))],
+        "lights": list(file.lights.values()),
+    }
+
+
+_NEAR = 200.0
+
+
+def _list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:
+    """[P, 2] the borders of a road's lanes [m]."""
     sections = sorted(road.element.iter("laneSection"), key=lambda each: _read(each, "s"))
     offsets = [*road.element.iter("laneOffset")]
     ends = [*(_read(each, "s") for each in sections[1:]), float(road.stations[-1])]

@@ -10,8 +10,7 @@ import numpy as np
 
 from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
 from scenewright.tools.map_import.mapped_crosswalks import CrossingChoice, MappedCrosswalk
-from scenewright.tools.map_import.report_items import ReportItem
-from scenewright.tools.map_import.survey import LEARNED, SurveyCrossing
+from scenewright.tools.map_import.survey import LEARNED, ReportItem, SurveyCrossing
 
 _NEAR = 60.0
 """Crossings of the file within that distance of a leg's are worth a word [m]."""
@@ -50,17 +49,14 @@ def describe_crosswalk(
     choice: CrossingChoice,
     k: int,
     crossings: Sequence[SurveyCrossing],
+    refused: str,
 ) -> CrosswalkFact:
-    """The account of the crosswalk of leg number k."""
+    """The account of the crosswalk of leg number k; refused: why it is not the file's."""
     mapped = choice.by_leg.get(k)
     left_out = [f"{x.source} {why}" for x, where, why in choice.left_out if where == k]
     used = None if placed is None else placed.mapped
     if mapped is not None and used is None:
-        deep = max(-stage.distance for stage in mapped.stages)
-        where = (
-            f"{deep:.1f} m too deep inside the junction" if deep > 0 else "off our road or the map"
-        )
-        left_out += [f"{source} lies {where}" for source in mapped.sources]
+        left_out += [f"{source} {refused}" for source in mapped.sources]
     middle = (
         None if placed is None else (round_metre(placed.middle[0]), round_metre(placed.middle[1]))
     )

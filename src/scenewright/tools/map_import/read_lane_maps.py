@@ -22,6 +22,7 @@ from scenewright.geometry.polyline import (
     resample_by_spacing,
 )
 from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.mapped_crosswalks import build_area_crossing
 from scenewright.tools.map_import.read_lanelet2 import FileLanelet, LaneletFile
 from scenewright.tools.map_import.survey import NARROWEST, SurveyCrossing, describe_strips
 
@@ -75,7 +76,7 @@ def _read_commonroad(file: Path) -> _Found:
             continue
         kinds = {(each.text or "").strip() for each in element.iterfind("laneletType")}
         if "crosswalk" in kinds:
-            crossings.append(_build_crossing(left, right))
+            crossings.append(build_area_crossing(np.concatenate([left, right])))
         elif kinds & _COMMONROAD_OTHERS:
             others += 1
         else:
@@ -97,13 +98,6 @@ def _clean(line: FloatArray) -> FloatArray:
     return drop_doubled_points(line)
 
 
-def _build_crossing(left: FloatArray, right: FloatArray) -> SurveyCrossing:
-    """A crossing between two edges: its middle line, and the distance of the edges."""
-    ends = (left[[0, -1]] + right[[0, -1]]) / 2
-    width = float(np.hypot(*(left[[0, -1]] - right[[0, -1]]).T).mean())
-    return SurveyCrossing(ends, float(np.clip(width, 2.0, 8.0)))
-
-
 def _read_argoverse2(file: Path) -> _Found:
     held = json.loads(file.read_text(encoding="utf-8"))
     lanes = [
@@ -115,7 +109,7 @@ def _read_argoverse2(file: Path) -> _Found:
         if each.get("lane_type", "VEHICLE") in _DRIVEN
     ]  # fmt: skip
     crossings = [
-        _build_crossing(_list_points(each["edge1"]), _list_points(each["edge2"]))
+        build_area_crossing(np.concatenate([_list_points(each[e]) for e in ("edge1", "edge2")]))
         for each in held.get("pedestrian_crossings", {}).values()
     ]
     return lanes, crossings, len(held["lane_segments"]) - len(lanes)
@@ -146,7 +140,7 @@ def _read_womd(file: Path) -> _Found:
         for line in _list_lines(each.lane.polyline)
     ]
     crossings = [
-        _build_polygon_crossing(np.array([(p.x, p.y) for p in each.crosswalk.polygon]))
+        build_area_crossing(np.array([(p.x, p.y) for p in each.crosswalk.polygon]))
         for each in scenario.map_features
         if each.HasField("crosswalk") and len(each.crosswalk.polygon) >= 4
     ]
@@ -172,16 +166,6 @@ def _widen(line: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _read_speed(lane: Any) -> str:
     return f"{1.609344 * lane.speed_limit_mph:.0f}" if lane.speed_limit_mph > 0 else ""
-
-
-def _build_polygon_crossing(ring: FloatArray) -> SurveyCrossing:
-    """A crossing from its outline: the longer way through the middle is the way across."""
-    middle = ring.mean(axis=0)
-    across = np.linalg.svd(ring - middle)[2][0]
-    reach = (ring - middle) @ across
-    aside = (ring - middle) @ np.array([-across[1], across[0]])
-    ends = middle + np.outer([reach.min(), reach.max()], across)
-    return SurveyCrossing(ends, float(np.clip(np.ptp(aside), 2.0, 8.0)))
 
 
 _READERS = {"commonroad": _read_commonroad, "argoverse2": _read_argoverse2, "womd": _read_womd}

@@ -10,7 +10,7 @@ import heapq
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -58,6 +58,7 @@ from scenewright.tools.map_import.survey import (
     SurveyLane,
     SurveyLight,
     describe_strips,
+    keep_near,
 )
 
 _TOUCHING = 0.6
@@ -293,7 +294,14 @@ def survey_lanelets(
     )
     check_importable(chosen, held.file)
     ground = next(grounds for each, grounds in found if each is chosen)
-    return _survey_junction(held, ground, notes, side)
+    survey = _survey_junction(held, ground, notes, side)
+    drawn = {
+        "roads": [bound for x in held.lanelets.values() for bound in (x.left, x.right)],
+        "paths": [bound for x in held.foot for bound in (x.left, x.right)],
+        "crossings": [each.line for each in held.crossings],
+        "lights": held.lights,
+    }
+    return replace(survey, drawn=keep_near(drawn, np.array(survey.offset)))
 
 
 _APART = 9.0

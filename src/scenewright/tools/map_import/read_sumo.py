@@ -17,11 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.geometry.geographic import (
-    LatLon,
-    project_to_metres,
-    unproject_ellipsoid,
-)
+from scenewright.geometry.geographic import LatLon, unproject_ellipsoid
 from scenewright.geometry.polyline import measure_length, measure_turn
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat, require_sumo
@@ -46,20 +42,17 @@ from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
     list_opendrive_lights,
+    list_opendrive_lines,
     read_opendrive_file,
 )
-from scenewright.tools.map_import.osm_elements import OsmNodes, iterate_elements
 from scenewright.tools.map_import.osm_features import (
+    count_barred_turns,
     list_osm_crossings,
     list_osm_lights,
-    read_osm_file,
+    list_osm_lines,
 )
-from scenewright.tools.map_import.osm_streets import (
-    count_barred_turns,
-    cut_out_if_needed,
-    describe_group,
-    survey_osm_junctions,
-)
+from scenewright.tools.map_import.osm_file import cut_out, read_osm_file
+from scenewright.tools.map_import.osm_streets import describe_group, survey_osm_junctions
 from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
     NARROWEST,
@@ -69,6 +62,7 @@ from scenewright.tools.map_import.survey import (
     SurveyCrossing,
     SurveyLane,
     describe_strips,
+    keep_near,
 )
 
 _TIME_LIMIT = 600.0
@@ -99,83 +93,68 @@ def read_sumo(
     Raises:
         InputError: not convertible, no junction in it, or several and none chosen.
     """
-    origin: LatLon | None = None
-    network, source = file, file
-    listed_one: Junction | None = None
+    side = take_option(left_hand)
+    wanted: dict[str, Any] = {"center": center, "junction": junction, "streets": streets}
     if map_format == "osm":
         # Ids and places come from the file itself, so that no option of the conversion moves them.
         listed = survey_osm_junctions(file).junctions
-        known = {name for each in listed for name in (each.id, *each.nodes)}
-        if not junction or junction in known:
-            chosen = choose_junction(
-                listed, file=file, center=center, junction=junction,
-                origin=listed[0].origin if listed else None, streets=streets,
-            )  # fmt: skip
-            listed_one = chosen
-            center, junction, streets = chosen.degrees, None, ()
-            if chosen.degrees is not None:
-                source = cut_out_if_needed(file, scratch, chosen.degrees)
-        origin = _find_middle_of_osm(source)
-    osm = None if origin is None else read_osm_file(source, origin)
+        origin = listed[0].origin if listed else None
+        chosen = choose_junction(listed, file=file, origin=origin, **wanted)
+        return _read_osm(file, chosen, scratch, side)
     drive = read_opendrive_file(file) if map_format == "opendrive" else None
-    side = take_option(left_hand)
-    if osm is not None and origin is not None:
-        side = side or find_osm_side(osm, origin)
+    network = file
     if drive is not None:
         side = side or find_opendrive_side(drive)
-    if map_format != "sumo":
-        network = scratch / "converted.net.xml"
-        _convert(source, network, origin=origin, left_hand=side is not None and side.left_hand)
-    side = side or _find_side(network)
+        network = _convert(file, scratch, origin=None, left_hand=side.left_hand)
     net = _read_network(network, file)
-    group = None if listed_one is None else _find_listed(net, listed_one)
-    if group is None:
-        rings = [] if map_format != "opendrive" else _find_network_rings(net)
-        groups = group_network(net, rings)
-        chosen = choose_junction(
-            [_describe_junction(group, net, rings) for group in groups],
-            file=file,
-            center=center,
-            junction=junction,
-            origin=origin,
-            streets=streets,
-        )
-        check_importable(chosen, file)
-        group = next(each for each in groups if each.nodes == chosen.nodes)
-        if listed_one is not None:
-            _check_is_there(net, group, listed_one, origin, file)
-    try:
-        survey = _survey_junction(net, group, origin, side)
-    except (KeyError, IndexError) as fault:  # sumolib follows names that lead nowhere
-        raise InputError(f"{file} names a part that it lacks: {str(fault)[:80]}") from None
+    rings = [] if drive is None else _find_network_rings(net)
+    groups = group_network(net, rings)
+    described = [_describe_junction(group, net, rings) for group in groups]
+    chosen = choose_junction(described, file=file, origin=None, **wanted)
+    check_importable(chosen, file)
+    group = next(each for each in groups if each.nodes == chosen.nodes)
+    survey = _survey_junction(net, group, None, side or _find_side(network), file)
     middle = np.array(survey.offset)
-    if drive is not None:
-        own = list_opendrive_crossings(drive, middle)
-        lights = tuple(list_opendrive_lights(drive, middle))
-        survey = replace(survey, crossings=(*survey.crossings, *own), lights=lights, phases=())
-    if osm is not None:
-        lights = tuple(list_osm_lights(osm, middle))
-        own = list_osm_crossings(osm, middle)
-        survey = replace(
-            survey, crossings=tuple(own), lights=lights, phases=(),
-            barred=count_barred_turns(source, group.nodes),
-        )  # fmt: skip
-        survey.notes.append(
-            "lane widths, turning lanes and signal times that the file does not tag are "
-            "netconvert's guesses"
-        )
-    return survey
+    if drive is None:
+        return replace(survey, drawn=keep_near(_list_shapes(net), middle))
+    crossings = list_opendrive_crossings(drive, middle)
+    return replace(
+        survey, crossings=(*survey.crossings, *crossings), phases=(),
+        lights=tuple(list_opendrive_lights(drive, middle)),
+        drawn=keep_near(list_opendrive_lines(drive, middle), middle),
+    )  # fmt: skip
 
 
-def _find_listed(net: Any, listed: Junction) -> JunctionGroup | None:
-    """The junction of the list in the converted network, whose nodes keep the file's ids."""
-    nodes = {name for name in listed.nodes if net.hasNode(name)}
+def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | None) -> Survey:
+    """A junction of an OpenStreetMap file, with what is drawn round it."""
+    origin = chosen.degrees
+    assert origin is not None  # noqa: S101 - junctions of OpenStreetMap lie somewhere
+    part = scratch / "surroundings.osm"
+    cut_out(file, part, middle=origin)
+    osm = read_osm_file(part, origin)
+    side = side or find_osm_side(osm, origin)
+    net = _read_network(_convert(part, scratch, origin=origin, left_hand=side.left_hand), file)
+    nodes = {name for name in chosen.nodes if net.hasNode(name)}
     if not nodes:
-        return None
+        raise InputError(
+            f"junction {chosen.id} of {file} ({chosen.name}) cannot be imported: netconvert finds "
+            "no junction there, as where a street ends at the edge of the file"
+        )
     nodes |= _list_between(net, nodes)
     places = [net.getNode(name).getCoord()[:2] for name in sorted(nodes)]
     x, y = np.mean(places, axis=0).tolist()
-    return JunctionGroup(frozenset(nodes), (x, y), (), listed.is_roundabout)
+    group = JunctionGroup(frozenset(nodes), (x, y), (), chosen.is_roundabout)
+    survey = _survey_junction(net, group, origin, side, file)
+    survey.notes.append(
+        "lane widths, turning lanes and signal times that the file does not tag are netconvert's "
+        "guesses"
+    )
+    middle = np.array(survey.offset)
+    return replace(
+        survey, crossings=tuple(list_osm_crossings(osm, middle)), phases=(),
+        lights=tuple(list_osm_lights(osm, middle)), barred=count_barred_turns(osm, group.nodes),
+        drawn=keep_near(list_osm_lines(osm), middle),
+    )  # fmt: skip
 
 
 def _list_between(net: Any, nodes: set[str]) -> set[str]:
@@ -192,30 +171,6 @@ def _list_between(net: Any, nodes: set[str]) -> set[str]:
     return {name for name, ends in around.items() if len(ends) > 1 and ends <= nodes}
 
 
-_NEAR = 35.0
-"""So far from a listed junction its converted counterpart lies at most [m]."""
-
-
-def _check_is_there(
-    net: Any, group: JunctionGroup, listed: Junction, origin: LatLon | None, file: Path
-) -> None:
-    """Raises InputError where the conversion has no junction of these streets at that place."""
-    nodes = [net.getNode(name) for name in group.nodes]
-    place = project_to_metres(origin, listed.degrees) if origin and listed.degrees else None
-    if place is None:
-        return
-    places = [np.array(node.getCoord()[:2], dtype=float) for node in nodes]
-    away = min(float(np.hypot(*(each - place))) for each in places)
-    edges = [edge for node in nodes for edge in (*node.getIncoming(), *node.getOutgoing())]
-    lacking = sorted({*listed.streets} - {""} - {*map(_read_street, edges)})
-    if away > _NEAR or lacking:
-        why = f"without {', '.join(lacking)}" if lacking else f"{away:.0f} m away"
-        raise InputError(
-            f"junction {listed.id} of {file} ({listed.name}) cannot be imported: converted, the "
-            f"nearest junction is one {why}, as where a street ends at the edge of the file"
-        )
-
-
 def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> JunctionOverview:
     """All junctions of a SUMO network or an OpenDRIVE file, and the roads between them.
 
@@ -226,12 +181,10 @@ def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> Juncti
         InputError: not convertible.
     """
     require_sumo(map_format)
-    network = file
-    if map_format != "sumo":
-        network = scratch / "converted.net.xml"
-        _convert(file, network, origin=None, left_hand=False)
+    is_converted = map_format != "sumo"
+    network = _convert(file, scratch, origin=None, left_hand=False) if is_converted else file
     net = _read_network(network, file)
-    rings = [] if map_format != "opendrive" else _find_network_rings(net)
+    rings = _find_network_rings(net) if is_converted else []
     return JunctionOverview(
         tuple(_describe_junction(each, net, rings) for each in group_network(net, rings)),
         tuple(_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e)),
@@ -285,18 +238,22 @@ def group_network(net: Any, found: Sequence[Ring] = ()) -> list[JunctionGroup]:
     places = {each.getID(): np.array(each.getCoord()[:2], dtype=float) for each in net.getNodes()}
     back = {(edge.getToNode().getID(), edge.getFromNode().getID()) for edge in edges}
     pieces: list[StreetPiece] = []
+    seen = set[tuple[str, str]]()
     for edge in sorted(edges, key=lambda each: str(each.getID())):
         start, end = edge.getFromNode().getID(), edge.getToNode().getID()
         both = (start, end) in back and edge.getID() not in rings
-        if both and any((each.start, each.end) == (end, start) for each in pieces):
+        if both and (end, start) in seen:
             continue
+        seen.add((start, end))
         name, kind = _read_street(edge), str(edge.getType() or "")
         is_ring, is_slip = edge.getID() in rings, kind.endswith("_link")
         pieces.append(StreetPiece(start, end, _get_shape(edge), name, not both, is_ring, is_slip))
     return group_junctions(places, pieces)
 
 
-def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: bool) -> None:
+def _convert(file: Path, scratch: Path, *, origin: LatLon | None, left_hand: bool) -> Path:
+    """The network that netconvert makes of a file, in an empty folder."""
+    network = scratch / "converted.net.xml"
     home = Path(import_module("sumo").SUMO_HOME)
     command = [str(home / "bin" / "netconvert"), "-o", str(network), "--no-turnarounds", "true"]
     command += ["--junctions.internal-link-detail", "16", "--junctions.corner-detail", "8"]
@@ -325,15 +282,7 @@ def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: boo
     if done.returncode != 0 or not network.is_file():
         lines = (line.strip() for line in done.stderr.splitlines() if line.strip())
         raise InputError(f"netconvert cannot read {file}: {next(lines, 'no reason given')[:200]}")
-
-
-def _find_middle_of_osm(file: Path) -> LatLon:
-    """Middle of all nodes of an OpenStreetMap file, whose degrees were checked."""
-    nodes = [each.degrees for each in iterate_elements(file) if isinstance(each, OsmNodes)]
-    (south, west), (north, east) = (f(np.concatenate(nodes), axis=0) for f in (np.min, np.max))
-    if (span := max(north - south, east - west)) > 0.5:
-        raise InputError(f"{file} spans {span:.1f} degrees; {_CUT_OUT}")
-    return float(south + north) / 2, float(west + east) / 2
+    return network
 
 
 def _read_network(network: Path, file: Path) -> Any:
@@ -364,6 +313,15 @@ def _get_shape(part: Any) -> FloatArray:
 
 
 def _survey_junction(
+    net: Any, group: JunctionGroup, origin: LatLon | None, side: DrivingSide, file: Path
+) -> Survey:
+    try:
+        return _survey_nodes(net, group, origin, side)
+    except (KeyError, IndexError) as fault:  # sumolib follows names that lead nowhere
+        raise InputError(f"{file} names a part that it lacks: {str(fault)[:80]}") from None
+
+
+def _survey_nodes(
     net: Any, group: JunctionGroup, origin: LatLon | None, side: DrivingSide
 ) -> Survey:
     nodes = [net.getNode(name) for name in sorted(group.nodes)]
@@ -570,6 +528,16 @@ def _trace_connection(net: Any, link: Any) -> FloatArray:
 def _find_light(link: Any) -> str | None:
     name, index = link.getTLSID(), link.getTLLinkIndex()
     return f"{name}#{index}" if name and index >= 0 else None
+
+
+def _list_shapes(net: Any) -> Mapping[str, list[FloatArray]]:
+    """The lanes of a network by kind, for pictures [m]."""
+    kinds = {"crossing": "crossings", "walkingarea": "paths"}
+    found: dict[str, list[FloatArray]] = {}
+    for edge in net.getEdges(withInternal=True):
+        layer = kinds.get(edge.getFunction(), "roads")
+        found.setdefault(layer, []).extend(_get_shape(lane) for lane in edge.getLanes())
+    return found
 
 
 def _read_crossings(net: Any, node: Any, middle: FloatArray) -> Iterator[SurveyCrossing]:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from scenewright.geometry.geographic import LatLon
 from scenewright.scene.base import Colour, FloatArray
 
@@ -144,6 +146,7 @@ class Survey:
         barred: turns that the file forbids, where it draws no ways and all others are expected;
             None where it draws them.
         notes: what was assumed or dropped.
+        drawn: lines [P, 2] and places [2] of the file by kind, for pictures [m].
     """
 
     title: str
@@ -164,3 +167,36 @@ class Survey:
     lost: int = 0
     barred: int | None = None
     notes: list[str] = field(default_factory=list)
+    drawn: Mapping[str, tuple[FloatArray, ...]] = field(default_factory=dict)
+
+
+def keep_near(
+    drawn: Mapping[str, Iterable[FloatArray]], middle: FloatArray
+) -> Mapping[str, tuple[FloatArray, ...]]:
+    """Lines and places within 130 m of a place, in metres from it."""
+    return {
+        kind: tuple(
+            line - middle
+            for line in lines
+            if len(line) and np.abs(np.atleast_2d(line - middle)).max(axis=1).min() < _REACH
+        )
+        for kind, lines in drawn.items()
+    }
+
+
+_REACH = 130.0
+
+
+@dataclass(frozen=True)
+class ReportItem:
+    """One item of the report.
+
+    Attributes:
+        state: `read`, `partly read`, `derived`, `assumed` or `none`.
+        score: how much of it is the file's, from 0 to 1; None where that cannot be said.
+    """
+
+    item: str
+    state: str
+    score: float | None
+    detail: str

@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.survey import (
-    DrivingSide,
-    Survey,
-    SurveyConnection,
-    SurveyCrossing,
-    SurveyLane,
-    SurveyLight,
-)
+from scenewright.tools.map_import.survey import Survey
 
 FORMAT = 1
 
 
 def write_survey(survey: Survey, **options: Any) -> bytes:
-    """The survey, and how the map was made of it, as JSON."""
+    """The survey without what is drawn for pictures, and how the map was made of it, as JSON."""
     text = json.dumps(
-        {"format": FORMAT, "options": options, "survey": _describe(survey)},
+        {"format": FORMAT, "options": options, "survey": _describe(replace(survey, drawn={}))},
         ensure_ascii=False, separators=(",", ":"),
     )  # fmt: skip
     return text.encode()
@@ -52,46 +44,27 @@ def read_survey(content: bytes) -> tuple[Survey, dict[str, Any]]:
         held = json.loads(content)
         if held["format"] != FORMAT:
             raise ValueError(held["format"])
-        return _build_survey(held["survey"]), dict(held["options"])
+        return _build(Survey, held["survey"]), dict(held["options"])
     except (KeyError, TypeError, ValueError):
         raise InputError(
             "survey.json is damaged or of another version; import the map again"
         ) from None
 
 
-def _build_survey(raw: dict[str, Any]) -> Survey:
-    return Survey(
-        **{
-            **raw,
-            "approaches": {k: _build_lane(each) for k, each in raw["approaches"].items()},
-            "exits": {k: _build_lane(each) for k, each in raw["exits"].items()},
-            "connections": tuple(
-                SurveyConnection(**{**each, "line": np.array(each["line"]).reshape(-1, 2)})
-                for each in raw["connections"]
-            ),
-            "crossings": tuple(_build_crossing(each) for each in raw["crossings"]),
-            "areas": _build_lines(raw["areas"]),
-            "walks": _build_lines(raw["walks"]),
-            "lights": tuple(
-                SurveyLight(np.array(each["place"]), each["group"]) for each in raw["lights"]
-            ),
-            "phases": tuple((duration, colours) for duration, colours in raw["phases"]),
-            "side": DrivingSide(**raw["side"]),
-            "origin": None if raw["origin"] is None else tuple(raw["origin"]),
-            "offset": tuple(raw["offset"]),
-            "file_origin": None if raw["file_origin"] is None else tuple(raw["file_origin"]),
-        }
-    )
-
-
-def _build_lane(raw: dict[str, Any]) -> SurveyLane:
-    return SurveyLane(**{**raw, "line": np.array(raw["line"])})
-
-
-def _build_crossing(raw: dict[str, Any]) -> SurveyCrossing:
-    limits = None if raw["limits"] is None else np.array(raw["limits"])
-    return SurveyCrossing(**{**raw, "line": np.array(raw["line"]), "limits": limits})
-
-
-def _build_lines(raw: Sequence[Any]) -> tuple[FloatArray, ...]:
-    return tuple(np.array(line) for line in raw)
+def _build(kind: Any, raw: Any) -> Any:
+    """A value of a type of the survey from what JSON holds of it."""
+    args = [each for each in get_args(kind) if each is not type(None)]
+    origin = get_origin(kind)
+    if raw is None or not (args or is_dataclass(kind)):
+        return raw
+    if isinstance(kind, type) and is_dataclass(kind):
+        hints = get_type_hints(kind)
+        return kind(**{name: _build(hints[name], each) for name, each in raw.items()})
+    if origin is np.ndarray:
+        array = np.array(raw, dtype=float)
+        return array if array.size else array.reshape(-1, 2)
+    if origin is tuple:
+        return tuple(_build(args[0] if args[-1] is ... else args[k], x) for k, x in enumerate(raw))
+    if isinstance(raw, dict):
+        return {key: _build(args[-1], each) for key, each in raw.items()}
+    return [_build(args[0], x) for x in raw] if origin is list else _build(args[0], raw)

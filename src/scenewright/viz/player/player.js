@@ -349,7 +349,7 @@ function drawBraking(agent, event) {
   spots.slice(1).forEach((spot, n) => { if (hard[n + 1][0] - hard[n][0] < 2 * STEP) strokeLines([[spots[n], spot]], readVariable("--bad"), 6); });
   pen.globalAlpha = 1;
   const most = Math.min(...hard.map(([, value]) => value));
-  writeLabel(`${agent.called} brakes, up to ${(-most).toFixed(1)} m/s²`, [spots[0][0], spots[0][1] + 14 / pixelsPerMetre()], readVariable("--bad"));
+  writeLabel(`${agent.called} ${agent.type === "pedestrian" ? "slows" : "brakes"}, up to ${(-most).toFixed(1)} m/s²`, [spots[0][0], spots[0][1] + 14 / pixelsPerMetre()], readVariable("--bad"));
 }
 /** The line along which one first sees the other past what stands there. */
 function drawSight({ observer, subject, first_visible: time }) {
@@ -644,14 +644,17 @@ function buildInstruction() {
   title.append(letters.slice(at).join("") || (at ? "" : "Untitled scene"));
 }
 /** "class taxi" is what the program calls it. */
-const describeClaim = (claim) => (claim ?? "").replace(/^class /, "").replace(/^(\w+) (?=\1\b)/, "").replace(/^event /, "").replace(/^side (\w+)$/, "the $1 side").replace(/^crosswalk a /, "a ").replace(/^object /, "").replace(/^sight$/, "hidden from sight");
-const describeWords = (each) => [each.state.replaceAll("_", " "), describeClaim(each.claim), each.evidence].filter(Boolean).join(": ");
+const TURNS = { left: "a left turn", right: "a right turn", straight: "straight on", uturn: "a U-turn", "left/right/uturn": "a turn" };
+const describeClaim = (claim) => (claim ?? "").replace(/^movement (\S+)$/, (_, way) => TURNS[way] ?? way).replace(/^class /, "").replace(/^(\w+) (?=\1\b)/, "").replace(/^event /, "").replace(/^side (\w+)$/, "the $1 side").replace(/^crosswalk a /, "a ").replace(/^object /, "").replace(/^sight$/, "hidden from sight");
+/** "north of the car" is where it comes from, not what lies north of it. */
+const describeEvidence = ({ claim, evidence }) => (/^(?:side|movement) /.test(claim ?? "") ? (evidence ?? "").replace(/^(\S+) of (.+)$/, (_, what, whom) => `${whom}: ${TURNS[what] ?? what}`) : evidence);
+const describeWords = (each) => [each.state.replaceAll("_", " "), describeClaim(each.claim), describeEvidence(each)].filter(Boolean).join(": ");
 function buildAccount() {
   const body = find("account").tBodies[0];
   for (const each of data.account) {
     const whom = each.agents.map(describeAgent).join(", "), claim = `${describeClaim(each.claim)}${whom ? ` (${whom})` : ""}`;
     body.append(make("tr", { className: each.state }, make("td", { textContent: each.words }), make("td", { className: "state", textContent: each.state.replaceAll("_", " ") }),
-      make("td", { textContent: claim }), make("td", { textContent: each.evidence })));
+      make("td", { textContent: claim }), make("td", { textContent: describeEvidence(each) })));
   }
   if (!data.account.length) body.append(make("tr", {}, make("td", { colSpan: 4, textContent: "There is no account of words." })));
 }

@@ -9,7 +9,8 @@ const NEW = {
   measures: (plan) => ({ kind: "speed", agent: plan.agents?.[0]?.id ?? "", value: "30 km/h" }),
   ties: (plan) => ({ agent: plan.agents?.[0]?.id ?? "", of: plan.agents?.[1]?.id ?? "", side: "opposite" }),
 };
-const spell = (name) => name.replaceAll("_", " ");
+const SPOKEN = { collide_at: "collision", yield_to: "giving way" };
+const spell = (name) => SPOKEN[name] ?? name.replaceAll("_", " ");
 
 function nameNext(list, kind) {
   for (let n = 1; ; n += 1) if (!(list ?? []).some((each) => each.id === `${kind}-${n}`)) return `${kind}-${n}`;
