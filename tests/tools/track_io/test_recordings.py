@@ -25,7 +25,6 @@ from scenewright.tools.track_io.cleaning import (
     RawTrack,
     clean_track,
     compute_course,
-    measure_jitter,
 )
 from scenewright.tools.track_io.taf_bw import read_taf_bw
 
@@ -187,14 +186,6 @@ def test_smoothing_leaves_straight_motion_and_takes_noise_away():
     assert rough > 10 * calm
 
 
-def test_jitter_is_the_size_of_the_noise():
-    rng = np.random.default_rng(0)
-    even = straight(0.0, 500).xy
-    assert measure_jitter(even).max() < 1e-9
-    usual = np.median(measure_jitter(even + rng.normal(0.0, 0.1, even.shape)))
-    assert 0.06 < usual < 0.14
-
-
 def one_cleaned(kind, time, xy, *, settling=0.0):
     removed = CleaningReport()
     tracks = list(clean_track(RawTrack(kind, time, xy, settling), smoothing=0.0, removed=removed))
@@ -277,10 +268,9 @@ def files(tmp_path):
     return tmp_path
 
 
-def test_real_tracks_are_read_cleaned_and_told_apart_by_their_jitter(files):
+def test_real_tracks_are_read_and_cleaned(files):
     real = read_taf_bw(files)
     assert [r.name for r in real.recordings] == ["k729_2022-03-16/000", "k733_2018-05-02/000"]
-    assert [r.name for r in real.fine] == ["k729_2022-03-16/000"]
     kept = {a.subtype: a for a in real.recordings[0].agents}
     assert set(kept) == {"car", "bicycle", None}
     assert kept[None].shape.type == "pedestrian"
@@ -289,13 +279,12 @@ def test_real_tracks_are_read_cleaned_and_told_apart_by_their_jitter(files):
     assert compute_kinematics(kept["car"].track.xy).speed == pytest.approx(8.0)
 
 
-def test_a_site_where_nobody_moves_is_read_and_is_not_fine(files):
+def test_a_site_without_tracks_is_an_empty_recording(files):
     empty = files / "tracks" / "k731_2020-01-01"
     empty.mkdir()
     (empty / "vehicle_tracks_000.csv").write_text(HEADER)
     real = read_taf_bw(files)
-    assert "k731_2020-01-01" not in real.jitter
-    assert [r.name for r in real.fine] == ["k729_2022-03-16/000"]
+    assert [len(r.agents) for r in real.recordings if "k731" in r.name] == [0]
 
 
 def test_what_is_no_real_track_is_one_clear_line(files, tmp_path):
@@ -314,4 +303,3 @@ def test_the_real_data_set_reads_with_little_left_to_doubt():
     assert len(agents) > 150
     speeds = [compute_kinematics(a.track.xy, smoothing=0.4).speed for a in agents]
     assert 5.0 < np.median(np.concatenate([s[s > 1.0] for s in speeds])) < 9.0
-    assert {r.name.split("_")[0] for r in real.fine} == {"k729"}

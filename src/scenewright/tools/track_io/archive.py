@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
-from scenewright.scene.base import AgentClass, Compass
+from scenewright.scene.base import AgentClass
 from scenewright.scene.track import STEP, Shape, Track
-from scenewright.tools.track_io.recording import IntArray, RecordedAgent, Recording, Split
+from scenewright.tools.track_io.recording import RecordedAgent, Recording, Split
 
 FORMAT = 1
 XY_UNIT = 1e-4
@@ -84,48 +84,34 @@ def load_recordings(file: Path, *, split: Split | None = None) -> tuple[Recordin
         InputError: missing, or no file of recordings.
     """
     held = read_arrays(file, what=f"recordings from {file}")
+    found = []
     try:
         if int(held["format"]) != FORMAT:
             raise InputError(f"{file} holds no recordings of format {FORMAT}")
-        ends = np.cumsum(held["agents"])
-        wanted = [k for k in range(len(ends)) if split is None or str(held["split"][k]) == split]
         origin = np.cumsum(held["length"]) - held["length"]
-        return tuple(_unpack_recording(held, k, int(ends[k]), origin) for k in wanted)
+        for k, end in enumerate(np.cumsum(held["agents"]).tolist()):
+            name, own, signal_time = (str(held[key][k]) for key in ("name", "split", "signal_time"))
+            if split is not None and own != split:
+                continue
+            members = range(end - int(held["agents"][k]), end)
+            found.append(Recording(
+                name=name, begin=float(held["span"][k, 0]), end=float(held["span"][k, 1]),
+                agents=tuple(_unpack_agent(held, n, int(origin[n])) for n in members),
+                split=cast(Split, own) if own else None, unseen=int(held["unseen"][k]),
+                signal_time=float(signal_time) if signal_time else None,
+            ))  # fmt: skip
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
         raise InputError(f"{file} holds no recordings of format {FORMAT}: {fault}") from None
-
-
-def _unpack_recording(
-    held: dict[str, NDArray[Any]], k: int, end: int, origin: IntArray
-) -> Recording:
-    begin = end - int(held["agents"][k])
-    signal_time = str(held["signal_time"][k])
-    return Recording(
-        name=str(held["name"][k]),
-        begin=float(held["span"][k, 0]),
-        end=float(held["span"][k, 1]),
-        agents=tuple(_unpack_agent(held, n, int(origin[n])) for n in range(begin, end)),
-        split=cast(Split, str(held["split"][k])) if str(held["split"][k]) else None,
-        unseen=int(held["unseen"][k]),
-        signal_time=float(signal_time) if signal_time else None,
-    )
+    return tuple(found)
 
 
 def _unpack_agent(held: dict[str, NDArray[Any]], n: int, origin: int) -> RecordedAgent:
     part = slice(origin, origin + int(held["length"][n]))
-    labels = {key: str(held[key][n]) or None for key in _OPTIONAL}
+    labels: dict[str, Any] = {key: str(held[key][n]) or None for key in _OPTIONAL}
     length, width = (float(value) for value in held["size"][n])
-    return RecordedAgent(
-        track=Track(
-            np.cumsum(held["xy"][part], axis=0) * XY_UNIT,
-            np.cumsum(held["heading"][part]) * HEADING_UNIT,
-            round(int(held["first"][n]) * STEP, 1),
-        ),
-        shape=Shape(cast(AgentClass, str(held["type"][n])), length, width),
-        subtype=labels["subtype"],
-        entry=cast("Compass | None", labels["entry"]),
-        exit=cast("Compass | None", labels["exit"]),
-        crosswalk=cast("Compass | None", labels["crosswalk"]),
-        route=labels["route"],
-        complete=bool(held["complete"][n]),
-    )
+    track = Track(
+        np.cumsum(held["xy"][part], axis=0) * XY_UNIT,
+        np.cumsum(held["heading"][part]) * HEADING_UNIT, round(int(held["first"][n]) * STEP, 1),
+    )  # fmt: skip
+    shape = Shape(cast(AgentClass, str(held["type"][n])), length, width)
+    return RecordedAgent(track, shape, **labels, complete=bool(held["complete"][n]))

@@ -59,12 +59,12 @@ def _read_columns(data: bytes, name: str) -> dict[str, list[Any]]:
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     try:
         file = parquet.ParquetFile(io.BytesIO(data))
-        missing = [column for column in _NEEDED if column not in file.schema_arrow.names]
-        if missing:
+        names = file.schema_arrow.names
+        if missing := [column for column in _NEEDED if column not in names]:
             raise InputError(
                 f"{name} is no Argoverse 2 scenario: no column {', '.join(missing)[:120]}"
             )
-        own = [column for column in _OWN if column in file.schema_arrow.names]
+        own = [column for column in _OWN if column in names]
         columns: dict[str, list[Any]] = file.read([*_NEEDED, *own]).to_pydict()
     except (arrow.ArrowException, OSError, ValueError) as error:
         raise InputError(f"{name} is no Parquet file that can be read") from error

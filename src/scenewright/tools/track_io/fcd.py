@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from xml.parsers import expat
 
 import numpy as np
@@ -19,16 +18,8 @@ from scenewright.tools.track_io.sampled_recording import (
 )
 from scenewright.tools.track_io.subtypes import SUBTYPE_OF_WORD
 
+_Agent = tuple[str, tuple[float | None, float | None], list[tuple[float, float, float, float]]]
 _LENGTHS = {name: size[0] for name, size in VEHICLE_SIZES.items()} | {"bicycle": 1.8}
-
-
-@dataclass(eq=False)
-class _FcdRows:
-    """One agent's rows as they come: time, x and y of the centre, heading (NaN if not stated)."""
-
-    subtype: str
-    size: tuple[float | None, float | None]
-    rows: list[tuple[float, float, float, float]] = field(default_factory=list)
 
 
 def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
@@ -37,7 +28,8 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
     Raises:
         InputError: not well-formed, with a document type, or a row without usable numbers.
     """
-    agents: dict[str, _FcdRows] = {}
+    # By name its subtype, size, and rows of time, x and y of the centre, heading (NaN if unknown).
+    agents: dict[str, _Agent] = {}
     rides: dict[str, str] = {}
     now = 0.0
 
@@ -65,15 +57,14 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
     except expat.ExpatError as fault:
         raise InputError(f"{name} is not well-formed XML (line {fault.lineno})") from None
     found = []
-    for key, agent in agents.items():
-        t, x, y, heading = np.array(agent.rows).T
+    for key, (subtype, size, rows) in agents.items():
+        t, x, y, heading = np.array(rows).T
         turns = None if np.isnan(heading).any() else heading
-        xy = np.column_stack([x, y])
-        found.append(("", AgentSamples(key, agent.subtype, t, xy, turns, *agent.size)))
+        found.append(("", AgentSamples(key, subtype, t, np.column_stack([x, y]), turns, *size)))
     return [sort_out("", found, describe_rides(rides))]
 
 
-def _add_row(agents: dict[str, _FcdRows], tag: str, row: dict[str, str], now: float) -> None:
+def _add_row(agents: dict[str, _Agent], tag: str, row: dict[str, str], now: float) -> None:
     x, y = float(row["x"]), float(row["y"])
     word = "pedestrian"
     if tag == "vehicle":
@@ -87,5 +78,5 @@ def _add_row(agents: dict[str, _FcdRows], tag: str, row: dict[str, str], now: fl
         turn = math.radians(90.0 - float(row["angle"]))
         back = (length or _LENGTHS.get(word, 4.6)) / 2 if tag == "vehicle" else 0.0
         x, y = x - back * math.cos(turn), y - back * math.sin(turn)
-    agent = agents.setdefault(f"{tag} {row['id']}", _FcdRows(word, (length, width)))
-    agent.rows.append((now, x, y, turn))
+    rows = agents.setdefault(f"{tag} {row['id']}", (word, (length, width), []))[2]
+    rows.append((now, x, y, turn))

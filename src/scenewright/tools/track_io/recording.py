@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -70,7 +69,14 @@ class Recording:
     @cached_property
     def samples(self) -> Samples:
         """All agents' samples, one after the other."""
-        return Samples.of(self.agents)
+        tracks = [agent.track for agent in self.agents]
+        first = np.array([round(track.start / STEP) for track in tracks], dtype=np.int64)
+        count = np.array([len(track.xy) for track in tracks], dtype=np.int64)
+        return Samples(
+            first, first + count - 1, np.cumsum(count) - count,
+            np.concatenate([np.zeros((0, 2)), *(track.xy for track in tracks)]),
+            np.concatenate([np.zeros(0), *(track.heading for track in tracks)]),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +94,3 @@ class Samples:
     origin: IntArray
     xy: FloatArray
     heading: FloatArray
-
-    @classmethod
-    def of(cls, agents: Sequence[RecordedAgent]) -> Samples:
-        """The samples of these agents, in their order."""
-        tracks = [agent.track for agent in agents]
-        first = np.array([round(track.start / STEP) for track in tracks], dtype=np.int64)
-        count = np.array([len(track.xy) for track in tracks], dtype=np.int64)
-        return cls(
-            first,
-            first + count - 1,
-            np.cumsum(count) - count,
-            np.concatenate([np.zeros((0, 2)), *(track.xy for track in tracks)]),
-            np.concatenate([np.zeros(0), *(track.heading for track in tracks)]),
-        )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Iterator
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,10 @@ from scenewright.errors import InputError
 
 _POLYNOMIAL = 0x82F63B78
 _MASK = 0xA282EAD8
+_TABLE: NDArray[np.uint32] = np.arange(256, dtype=np.uint32)
+"""[256] remainders by byte."""
+for _ in range(8):
+    _TABLE = np.where(_TABLE & 1, (_TABLE >> 1) ^ np.uint32(_POLYNOMIAL), _TABLE >> 1)
 
 
 def write_records(records: Iterable[bytes]) -> bytes:
@@ -48,17 +51,8 @@ def read_records(data: bytes, *, name: str) -> Iterator[bytes]:
 
 def compute_masked_crc(data: bytes) -> int:
     """CRC32C of the bytes (Castagnoli), rotated and shifted as TFRecord has it."""
-    crc = int(_compute_crc32c(_build_table(), np.frombuffer(data, np.uint8)))
+    crc = int(_compute_crc32c(_TABLE, np.frombuffer(data, np.uint8)))
     return ((crc >> 15 | crc << 17) + _MASK) & 0xFFFFFFFF
-
-
-@cache
-def _build_table() -> NDArray[np.uint32]:
-    """[256] remainders by byte."""
-    table = np.arange(256, dtype=np.uint32)
-    for _ in range(8):
-        table = np.where(table & 1, (table >> 1) ^ np.uint32(_POLYNOMIAL), table >> 1)
-    return table.astype(np.uint32)
 
 
 @compiled

@@ -47,7 +47,6 @@ def cut_windows(
     steps: int = 21,
     every: int = TRAJNET_EVERY,
     stride: int | None = None,
-    offset: int = 0,
     least_whole: int = 1,
 ) -> Iterator[RecordingWindow]:
     """Scenes of `steps` steps, in order of time; the same arguments give the same scenes.
@@ -56,32 +55,25 @@ def cut_windows(
         steps: T, the number of steps; 9 + 12 are TrajNet++'s.
         every: samples of 0.1 s from step to step: 4 for 0.4 s, 1 for 0.1 s.
         stride: samples from one scene's start to the next; None joins them end to end.
-        offset: samples by which the first start comes later.
+
         least_whole: fewest agents that must be there at every step.
     """
-    if min(steps, every) < 1 or (stride is not None and stride < 1) or offset < 0:
-        raise ValueError("steps, every and stride are counted from 1, offset from 0")
-    begin = int(np.ceil(recording.begin / STEP - 1e-6)) + offset
+    if min(steps, every) < 1 or (stride is not None and stride < 1):
+        raise ValueError("steps, every and stride are counted from 1")
+    samples = recording.samples
+    begin = int(np.ceil(recording.begin / STEP - 1e-6))
     end = int(np.floor(recording.end / STEP + 1e-6)) - (steps - 1) * every
     for start in range(begin, end + 1, stride or steps * every):
-        window = _cut_window(recording, start + every * np.arange(steps), every)
-        if len(window.members) and int(window.whole.sum()) >= least_whole:
-            yield window
-
-
-def _cut_window(recording: Recording, grid: IntArray, every: int) -> RecordingWindow:
-    """Find the agents seen at one sample of `grid` [T] or more."""
-    samples = recording.samples
-    near = np.flatnonzero((samples.first <= grid[-1]) & (samples.last >= grid[0]))
-    present = (grid >= samples.first[near, None]) & (grid <= samples.last[near, None])
-    members, present = near[present.any(axis=1)], present[present.any(axis=1)]
-    index = samples.origin[members, None] + grid - samples.first[members, None]
-    index = np.where(present, index, 0)
-    return RecordingWindow(
-        round(int(grid[0]) * STEP, 1),
-        every * STEP,
-        members,
-        np.where(present[..., None], samples.xy[index], 0.0),
-        np.where(present, samples.heading[index], 0.0),
-        present,
-    )
+        grid = start + every * np.arange(steps)
+        near = np.flatnonzero((samples.first <= grid[-1]) & (samples.last >= grid[0]))
+        present = (grid >= samples.first[near, None]) & (grid <= samples.last[near, None])
+        members, present = near[present.any(axis=1)], present[present.any(axis=1)]
+        if not len(members) or int(present.all(axis=1).sum()) < least_whole:
+            continue
+        index = samples.origin[members, None] + grid - samples.first[members, None]
+        index = np.where(present, index, 0)
+        yield RecordingWindow(
+            round(start * STEP, 1), every * STEP, members,
+            np.where(present[..., None], samples.xy[index], 0.0),
+            np.where(present, samples.heading[index], 0.0), present,
+        )  # fmt: skip

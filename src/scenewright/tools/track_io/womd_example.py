@@ -71,9 +71,15 @@ def read_example_tracks(tensors: _Tensors, name: str, subtypes: dict[int, str]) 
         if not valid.any():
             continue
         kind = int(_get(tensors, "state/type", objects, name)[k])
-        here = {each: values[k][valid] for each, values in states.items()}
-        subtype = subtypes.get(kind)
-        agent = None if subtype is None else _read_track(here, f"{number:.0f}", subtype)
+        agent, subtype = None, subtypes.get(kind)
+        if subtype is not None:
+            here = {each: values[k][valid] for each, values in states.items()}
+            sizes = (round(float(np.median(here[each])), 4) for each in ("length", "width"))
+            agent = AgentSamples(
+                f"{number:.0f}", subtype, (here["timestamp_micros"] * 1e-6).round(4),
+                np.stack([here["x"], here["y"]], axis=1), here["bbox_yaw"],
+                *(size if size > 0 else None for size in sizes),
+            )  # fmt: skip
         found.append((f"type {kind}", agent))
     title = tensors.get("scenario/id", np.array([b""]))[0]
     return sort_out(title.decode(errors="replace") if isinstance(title, bytes) else "", found)
@@ -98,12 +104,3 @@ def _join(tensors: _Tensors, state: str, objects: int, name: str) -> np.ndarray[
         values = _get(tensors, f"state/{part}/{state}", objects * count, name)
         parts.append(values.reshape(objects, count).astype(np.float64))
     return np.concatenate(parts, axis=1)
-
-
-def _read_track(here: _Tensors, number: str, subtype: str) -> AgentSamples:
-    length, width = (round(float(np.median(here[each])), 4) for each in ("length", "width"))
-    return AgentSamples(
-        number, subtype, (here["timestamp_micros"] * 1e-6).round(4),
-        np.stack([here["x"], here["y"]], axis=1), here["bbox_yaw"],
-        length if length > 0 else None, width if width > 0 else None,
-    )  # fmt: skip
