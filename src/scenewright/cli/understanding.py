@@ -30,7 +30,7 @@ def score_understanding(
         list[str] | None,
         typer.Option(
             metavar="M",
-            help="gmm, gmm_waypoints, trajnet, constant_velocity, reasoner, agent, oracle, "
+            help="gmm, gmm_waypoints, trajnet, constant_velocity, reasoner, agent, "
             "oracle_seen, or a file of predictions, .jsonl; may be given again.",
         ),
     ] = None,

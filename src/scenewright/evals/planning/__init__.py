@@ -93,15 +93,23 @@ def compare(expected: Row, predicted: Row) -> dict[str, bool]:
     if refused or predicted["refused"]:
         return {"refused": refused == bool(predicted["refused"])}
     theirs, ours = expected["context"], predicted["context"]
+    counts = [
+        [(each["background"] or {}).get(kind) for kind in ("vehicles", "pedestrians")]
+        for each in (theirs, ours)
+    ]
     context = {
         "density": theirs["density"] == ours["density"],
         "time_of_day": does_time_fit(theirs["time_of_day"], ours["time_of_day"]),
-        "background": _get_counts(theirs["background"]) == _get_counts(ours["background"]),
+        "background": counts[0] == counts[1],
     }
-    candidates = [
-        _compare_agents(expected, predicted, names)
-        for names in _list_renamings(expected, predicted)
-    ]
+    known = {agent["id"]: agent for agent in expected["agents"]}
+    edges = {_normalize_edge(each, {n: n for n in known}) for each in expected["relations"]}
+    candidates = []
+    for names in _list_renamings(expected, predicted):
+        pairs = [(known[names[agent["id"]]], agent) for agent in predicted["agents"]]
+        same = {key: all(a[key] == b[key] for a, b in pairs) for key in _AGENT_FIELDS}
+        found = {_normalize_edge(each, names) for each in predicted["relations"]}
+        candidates.append({"agents": True, **same, "relations": found == edges})
     fallback = {"agents": False, **dict.fromkeys(_AGENT_FIELDS, False), "relations": False}
     best = max(candidates, key=lambda fields: sum(fields.values()), default=fallback)
     return {"refused": True, **best, **context}
@@ -126,31 +134,11 @@ def _list_renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:
     return result
 
 
-def _compare_agents(expected: Row, predicted: Row, names: Mapping[str, str]) -> dict[str, bool]:
-    theirs = {agent["id"]: agent for agent in expected["agents"]}
-    fields = {
-        key: all(theirs[names[a["id"]]][key] == a[key] for a in predicted["agents"])
-        for key in _AGENT_FIELDS
-    }
-    ours = {_normalize_edge(edge, names) for edge in predicted["relations"]}
-    same = {name: name for name in theirs}
-    return {
-        "agents": True,
-        **fields,
-        "relations": ours == {_normalize_edge(edge, same) for edge in expected["relations"]},
-    }
-
-
 def _normalize_edge(edge: Row, names: Mapping[str, str]) -> tuple[Any, ...]:
     if edge["type"] == "normal":
         return ("normal",)
     ends = (names[edge["from"]], names[edge["to"]])
     return (edge["type"], *(sorted(ends) if edge["type"] in _SYMMETRIC else ends))
-
-
-def _get_counts(background: Row | None) -> tuple[int | None, int | None]:
-    known = background or {}
-    return known.get("vehicles"), known.get("pedestrians")
 
 
 def does_time_fit(label: str | list[str] | None, time: str | list[str] | None) -> bool:

@@ -72,11 +72,18 @@ def compare_windows(one: Windows, other: Windows, *, seed: int = 0) -> dict[str,
     situation = np.concatenate([first.situation, second.situation])
     kinds = {"all": np.ones(len(label), dtype=np.bool_)}
     kinds |= {str(each): situation == each for each in np.unique(situation)}
-    return {
-        name: _judge_scores(score[chosen], label[chosen], group[chosen], seed)
-        for name, chosen in kinds.items()
-        if np.bincount(label[chosen], minlength=2).min() >= FEWEST
-    }
+    found = {}
+    for name, chosen in kinds.items():
+        own, asked, scenes = score[chosen], label[chosen], group[chosen]
+        if np.bincount(asked, minlength=2).min() < FEWEST:
+            continue
+        units, number = np.unique(scenes, return_inverse=True)
+        draws = draw_resamples(len(units), draws=_DRAWS, seed=seed)
+        again = [compute_auc(own, asked, drawn[number].astype(np.float64)) for drawn in draws]
+        auc = compute_auc(own, asked, np.ones(len(asked)))
+        interval = compute_interval(np.array(again))
+        found[name] = Separability(auc, *interval, int((asked == 0).sum()), len(units))
+    return found
 
 
 def split_halves(windows: Windows) -> tuple[Windows, Windows]:
@@ -107,17 +114,6 @@ def _match_windows(
         each.select(np.array(side, dtype=np.int64)[chosen])
         for each, side in zip((one, other), kept, strict=True)
     )  # type: ignore[return-value]
-
-
-def _judge_scores(
-    score: FloatArray, label: NDArray[np.int64], group: NDArray[np.int64], seed: int
-) -> Separability:
-    number = np.unique(group, return_inverse=True)[1]
-    units = int(number.max()) + 1
-    draws = draw_resamples(units, draws=_DRAWS, seed=seed)
-    again = [compute_auc(score, label, drawn[number].astype(np.float64)) for drawn in draws]
-    auc = compute_auc(score, label, np.ones(len(label)))
-    return Separability(auc, *compute_interval(np.array(again)), int((label == 0).sum()), units)
 
 
 def compute_auc(score: FloatArray, label: NDArray[np.int64], weight: FloatArray) -> float:

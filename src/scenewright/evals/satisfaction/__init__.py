@@ -6,13 +6,15 @@ submission may come from any program: scenes of scenewright, or tracks in any fo
 reads. `seen` recognises the agents in tracks, `judge` compares with the label, `report` counts.
 """
 
-from scenewright.evals.satisfaction.collect import read_submission
-from scenewright.evals.satisfaction.judge import Submission, Verdict, judge
-from scenewright.evals.satisfaction.report import (
+from scenewright.evals.satisfaction.judge import (
+    Submission,
+    Verdict,
     count_verdicts,
+    judge,
     to_json,
     to_markdown,
 )
+from scenewright.evals.satisfaction.seen import read_submission
 
 __all__ = [
     "Submission",

@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenewright.evals.understanding.cases import SceneCase, read_case
-from scenewright.evals.understanding.labels import RELATIONS, extract_labels
+from scenewright.evals.understanding.cases import RELATIONS, SceneCase, extract_labels, read_case
 from scenewright.evals.understanding.observation import hash_scene
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.graph.written_proof import read_proof

@@ -114,16 +114,12 @@ def weigh_exits(
 ) -> FloatArray:
     """[E] probability of every side of the map."""
     candidates = describe_exits(agent, posterior, sides, window)
-    weights = load_exit_model().weigh(candidates.values)
-    found = dict(zip(candidates.sides, weights.tolist(), strict=True))
+    weights = load_exit_model().weigh(candidates.values).tolist()
+    found = dict(zip(candidates.sides, weights, strict=True))
     return np.array([found.get(side, 0.0) for side in sides])
 
 
 @lru_cache(maxsize=2)
 def load_exit_model(file: Path = _SHIPPED) -> ExitModel:
-    """Load the model in a file; the shipped one if none is named.
-
-    Raises:
-        InputError: missing, damaged, or for other features.
-    """
+    """Load the model in a file; the shipped one if none is named. Raises as `BoostedTrees.load`."""
     return ExitModel.load(file, names=NAMES, what="exit model")

@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from scenewright.errors import InputError
-from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.cases import PairRelation
 from scenewright.evals.understanding.observation import ObservationRow
 from scenewright.scene.base import Model
 

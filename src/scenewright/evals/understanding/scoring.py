@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 
 from scenewright.evals.bootstrap import Figure, compute_interval, draw_resamples
-from scenewright.evals.understanding.labels import RELATIONS, Labels
+from scenewright.evals.understanding.cases import RELATIONS, Labels
 from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.scene.base import AgentClass, FloatArray
 

@@ -39,10 +39,6 @@ class AgentRoles:
     bound: frozenset[Pair]
     chained: frozenset[Pair] = frozenset()
 
-    def involves_foreground(self, pair: Pair) -> bool:
-        """Whether a foreground agent is one of the two."""
-        return bool(pair & self.foreground)
-
 
 def check_interference(
     observed: SceneObservation, roles: AgentRoles, *, expected: frozenset[int]
@@ -78,7 +74,7 @@ def is_incidental(event: Event, roles: AgentRoles) -> bool:
     pair = frozenset((event.from_, event.to))
     if pair in roles.chained:
         return event.type == "near_miss"
-    if roles.involves_foreground(pair) or pair in roles.bound:
+    if pair & roles.foreground or pair in roles.bound:
         return False
     if event.type == "yielding":
         return float(event.evidence.get("pet", np.inf)) > BACKGROUND_PET
@@ -125,7 +121,7 @@ def _check_encroachments(observed: SceneObservation, roles: AgentRoles) -> Itera
     for encounter in observed.encounters:
         first, second = observed.tracks[encounter.first], observed.tracks[encounter.second]
         pair = frozenset((first.id, second.id))
-        limit = FOREGROUND_PET if roles.involves_foreground(pair) else BACKGROUND_PET
+        limit = FOREGROUND_PET if pair & roles.foreground else BACKGROUND_PET
         if pair in roles.bound or encounter.pet > limit:
             continue
         time = max(encounter.first_time, encounter.second_time)
@@ -183,7 +179,7 @@ def check_wrecks(
         until: end of the scene [s]; the last footprints stay as obstacles up to then.
         pushed: agents that a collision pushes into another, which ends them.
     """
-    tracks = {m.id: m for m in observed.tracks}
+    tracks = observed.by_id
     found: list[Finding] = []
     for event in (e for e in observed.events if e.type == "collision"):
         for n in (event.from_, event.to):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +13,15 @@ from scenewright.scene.base import Point
 from scenewright.scene.events import Event, EventZone
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import RelationRecord
-from scenewright.tools.relation_checker.conflict_zones import SHARED, find_nearest_zone
+from scenewright.tools.relation_checker.conflict_zones import (
+    SHARED,
+    find_nearest_zone,
+    find_zone_occupancy,
+)
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.footprints import compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
-from scenewright.tools.relation_checker.passing_order import find_passing_order
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import Trajectory, extend_straight
 
@@ -78,8 +84,7 @@ def _check_zone(
     intersection_map: IntersectionMap | None,
 ) -> str | None:
     zone = relation.zone
-    tracks = {track.id: track for track in observed.tracks}
-    first, second = tracks[event.from_], tracks[event.to]
+    first, second = observed.by_id[event.from_], observed.by_id[event.to]
     if zone == "lane":
         time = np.array([event.time])
         inside = bool(compute_angle_between(first.at(time)[1], second.at(time)[1])[0] <= SHARED)
@@ -127,3 +132,84 @@ def _find_meeting_place(event: Event, first: Trajectory, second: Trajectory) -> 
     if zone is None:
         return event.location
     return float(zone.polygon.centroid.x), float(zone.polygon.centroid.y)
+
+
+_ONWARDS, _ON_FOOT = 15.0, 5.0
+"""How far [m] the ways of two who collide are taken to go straight on from the contact."""
+
+_SLOWEST = 1.0
+"""Speed [m/s] of that for who hardly moves at the contact."""
+
+
+@dataclass(frozen=True)
+class PassingOrder:
+    """Which of two comes first, and when [s] they come.
+
+    Attributes:
+        first: id of the agent; first_time, second_time: when either is at the place that both
+            pass with the least time between, or enters the zone in which they collide.
+    """
+
+    first: int
+    first_time: float
+    second_time: float
+
+
+def find_passing_order(observed: SceneObservation, event: Event) -> PassingOrder | None:
+    """The order of an event's two agents; None where there is none.
+
+    None for two who share a lane, and where one of them still waits when the scene ends.
+    """
+    if event.type == "collision":
+        return _find_entering_order(observed, event)
+    return find_crossing_order(observed, {event.from_, event.to})
+
+
+def find_crossing_order(observed: SceneObservation, pair: Set[int]) -> PassingOrder | None:
+    """The order of two who do not touch, where they come closest in time; None without one."""
+    closest = min(observed.list_encounters(pair), key=lambda each: each.pet, default=None)
+    if closest is None:
+        return None
+    times = (closest.first_time, closest.second_time)
+    ahead = closest.first if times[0] < times[1] else closest.second
+    return PassingOrder(observed.ids[ahead], min(times), max(times))
+
+
+def list_passing_orders(observed: SceneObservation, among: Set[int]) -> list[dict[str, Any]]:
+    """Rows of who passes first, of all pairs of these agents that have an order."""
+    ids = observed.ids
+    orders: dict[frozenset[int], PassingOrder | None] = {}
+    for pair in (frozenset((ids[each.first], ids[each.second])) for each in observed.encounters):
+        if pair <= among and pair not in orders:
+            orders[pair] = find_crossing_order(observed, pair)
+    for event in observed.events:
+        if event.type == "collision" and {event.from_, event.to} <= among:
+            orders[frozenset((event.from_, event.to))] = _find_entering_order(observed, event)
+    return [
+        {
+            "first": order.first,
+            "second": next(iter(pair - {order.first})),
+            "times": [round(order.first_time, 3), round(order.second_time, 3)],
+        }
+        for pair, order in sorted(orders.items(), key=lambda each: sorted(each[0]))
+        if order is not None
+    ]
+
+
+def _find_entering_order(observed: SceneObservation, event: Event) -> PassingOrder | None:
+    """The colliding agent that is in the conflict zone first; None where both come at once."""
+    pair = []
+    for track in (observed.by_id[event.from_], observed.by_id[event.to]):
+        # As if the contact had not been: straight on from there.
+        last = track.index(event.time)
+        until = replace(track, xy=track.xy[: last + 1], heading=track.heading[: last + 1])
+        speed = max(float(track.speed[last]), _SLOWEST)
+        onwards = _ON_FOOT if track.type == "pedestrian" else _ONWARDS
+        pair.append(extend_straight(until, distance=onwards, speed=speed))
+    zone = find_nearest_zone(pair[0], pair[1], event.location)
+    stays = [] if zone is None else [find_zone_occupancy(each, zone.polygon) for each in pair]
+    entered = [(stay.enter, track.id) for stay, track in zip(stays, pair, strict=False) if stay]
+    if len(entered) < 2 or entered[0][0] == entered[1][0]:
+        return None
+    (early, first), (late, _) = sorted(entered)
+    return PassingOrder(first, early, late)

@@ -65,7 +65,7 @@ def check_groups(agents: Sequence[AgentRecord], observed: SceneObservation) -> t
 
 def _find_farthest(number: int, members: Sequence[int], observed: SceneObservation) -> float:
     """How far a member is from the nearest other one, at the worst moment [m]."""
-    tracks = {track.id: track for track in observed.tracks}
+    tracks = observed.by_id
     own, others = tracks.get(number), [tracks[n] for n in members if n in tracks and n != number]
     if own is None or own.is_vehicle or not others:
         return float("inf")

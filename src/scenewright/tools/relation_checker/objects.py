@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -134,19 +134,14 @@ def check_places(
             found.append(_report_place(each, "stands on a crosswalk"))
         elif outline.intersection(ground).area < 0.95 * outline.area:
             found.append(_report_place(each, "stands off the road and the sidewalks"))
-        elif each.kind == "door" and not _is_at_vehicle(each, objects, outlines):
+        elif each.kind == "door" and not any(
+            outline.distance(outlines[o.id]) <= AT_SIDE
+            for o in objects if o.kind == "parked" and each.id == name_door(o.id)
+        ):  # fmt: skip
             found.append(_report_place(each, "is at no parked vehicle"))
         elif each.lane is not None and not _is_outermost(each, intersection_map):
             found.append(_report_place(each, f"does not stand in the {each.lane} lane"))
     return tuple(found)
-
-
-def _is_at_vehicle(
-    door: ObjectRecord, objects: Sequence[ObjectRecord], outlines: Mapping[str, Any]
-) -> bool:
-    """Whether a door stands out from the side of a parked vehicle."""
-    vehicles = [o for o in objects if o.kind == "parked" and door.id == name_door(o.id)]
-    return any(outlines[o.id].distance(outlines[door.id]) <= AT_SIDE for o in vehicles)
 
 
 def _is_outermost(each: ObjectRecord, intersection_map: IntersectionMap) -> bool:
@@ -230,8 +225,7 @@ def _measure(
     event: Event,
     left_hand: bool,
 ) -> Measured:
-    tracks = {track.id: track for track in observed.tracks}
-    pair = tracks[sight.observer], tracks[sight.subject]
+    pair = observed.by_id[sight.observer], observed.by_id[sight.subject]
     high = {a.id for a in scene.agents if a.type == "vehicle" and a.subtype != "motorcycle"}
     others = [t for t in observed.tracks if t.id in high - {sight.observer, sight.subject}]
     alone = [each for each in scene.objects if each.id == sight.object]
@@ -269,7 +263,7 @@ def _find_wrong_gap(
         return None
     one, two = ({each.id: each for each in scene.objects}[name] for name in
                 (sight.object, sight.between))  # fmt: skip
-    track = next(each for each in observed.tracks if each.id == sight.subject)
+    track = observed.by_id[sight.subject]
     gap = float(_make_outline(one).distance(_make_outline(two)))
     across = np.array([two.x - one.x, two.y - one.y])
     offsets = track.xy - (one.x, one.y)

@@ -65,14 +65,15 @@ def cut_pushed(
     tracks: Sequence[Trajectory], events: Sequence[Event], pushed: Collection[int]
 ) -> tuple[Trajectory, ...]:
     """The tracks, those of pushed agents up to the impact alone, as what follows is no driving."""
-    return tuple(_cut(m, find_strike(m.id, events)) if m.id in pushed else m for m in tracks)
 
+    def cut(track: Trajectory) -> Trajectory:
+        struck = find_strike(track.id, events) if track.id in pushed else None
+        if struck is None:
+            return track
+        count = max(int((struck.time - TIMED - track.start) / STEP) + 1, 1)
+        return replace(track, xy=track.xy[:count], heading=track.heading[:count])
 
-def _cut(track: Trajectory, struck: Event | None) -> Trajectory:
-    if struck is None:
-        return track
-    count = max(int((struck.time - TIMED - track.start) / STEP) + 1, 1)
-    return replace(track, xy=track.xy[:count], heading=track.heading[:count])
+    return tuple(map(cut, tracks))
 
 
 def describe_push(
@@ -87,7 +88,7 @@ def describe_push(
     before, at_impact, after = pushed.at(times)[0]
     if float(np.hypot(*(at_impact - before))) > STOOD:
         return None
-    striker = next(each for each in observed.tracks if each.id == struck.from_)
+    striker = observed.by_id[struck.from_]
     lasts = event.time - struck.time
     moved = float(np.hypot(*(after - at_impact)))
     low, high = _compute_distances(striker, pushed, struck.time, lasts)

@@ -44,20 +44,10 @@ HARSH = 3.4
 """A yield with more braking is one of necessity [m/s^2]."""
 
 
-@dataclass(frozen=True)
-class _Threshold:
-    """From what on a change counts as a reaction: of acceleration [m/s^2] and of speed [m/s]."""
-
-    acceleration: float
-    speed: float
-
-
 THRESHOLDS = {
-    "vehicle": _Threshold(0.8, 0.5),
-    "cyclist": _Threshold(0.8, 0.4),
-    "scooter": _Threshold(0.8, 0.4),
-    "pedestrian": _Threshold(0.5, 0.2),
-}
+    "vehicle": (0.8, 0.5), "cyclist": (0.8, 0.4), "scooter": (0.8, 0.4), "pedestrian": (0.5, 0.2),
+}  # fmt: skip
+"""From what on a change counts as a reaction: of acceleration [m/s^2] and of speed [m/s]."""
 ASIDE, ASIDE_ACCELERATION = 0.4, 0.7
 """Offset to a side [m] and lateral acceleration [m/s^2] from which a vehicle swerves."""
 BACK, JUMPS = 0.25, 1.0
@@ -80,7 +70,11 @@ def find_reactions(
     excluded = {each.id for each in scene.agents if each.reaction == "none"}
     rows = []
     for event in events:
-        for agent, other in _list_threatened(event):
+        both = [(event.from_, event.to), (event.to, event.from_)]
+        if event.type == "yielding":  # the yielding agent is threatened, if late or by a red run
+            late = float(event.evidence.get("braking", 0.0)) > HARSH
+            both = both[:1] if late or event.evidence.get("cause_agent") == event.to else []
+        for agent, other in both if event.type != "follow" else ():
             row = _measure(sights.perceive(tracks[agent], tracks[other], event.time), event)
             if agent in pushed and event.from_ == agent:
                 row = {"why_not": "is pushed into it"}
@@ -90,16 +84,6 @@ def find_reactions(
                 {"agent": agent, "of": other, "event": event.type, "time": event.time} | row
             )
     return rows
-
-
-def _list_threatened(event: Event) -> list[tuple[int, int]]:
-    """Pairs of the threatened agent and the other; in a yield the yielding agent is threatened."""
-    both = [(event.from_, event.to), (event.to, event.from_)]
-    if event.type in ("collision", "near_miss"):
-        return both
-    late = event.type == "yielding" and float(event.evidence.get("braking", 0.0)) > HARSH
-    ran = event.type == "yielding" and event.evidence.get("cause_agent") == event.to
-    return both[:1] if late or ran else []
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +136,12 @@ class Sights:
             left_hand=self.left_hand,
         )  # fmt: skip
         near = np.asarray(compute_path_ttc(agent, other, times=times, horizon=NEAR) < NEAR)
-        return Perception(agent, times, near, ~blocked, ~_is_behind(agent, other, times))
+        (xy, heading), (place, _) = agent.at(times), other.at(times)
+        away = place - xy
+        bearing = np.arctan2(away[:, 1], away[:, 0]) - heading
+        behind = np.abs(np.angle(np.exp(1j * bearing))) > BEHIND
+        # Pedestrians look all around.
+        return Perception(agent, times, near, ~blocked, ~(behind & agent.is_vehicle))
 
 
 def _measure(view: Perception, event: Event) -> dict[str, Any]:
@@ -174,25 +163,12 @@ def _measure(view: Perception, event: Event) -> dict[str, Any]:
     found = _find_reaction(agent, float(times[begin]), event)
     if found is not None:
         return known | found
-    return known | {"why_not": _say_why_not(agent, float(times[begin]), lasts, event)}
-
-
-def _say_why_not(agent: Trajectory, begin: float, lasts: float, event: Event) -> str:
-    if agent.speed[agent.index(begin)] <= STANDING:
-        return "stands already"
-    if lasts < LATEST and begin + lasts < event.time - 2 * STEP:
-        return "over before it could react"
-    return "too late" if event.time - begin < LATEST else "none seen"
-
-
-def _is_behind(agent: Trajectory, other: Trajectory, times: FloatArray) -> BoolArray:
-    """[T] whether the other is out of view from the seat; pedestrians look all around."""
-    if not agent.is_vehicle:
-        return np.zeros(len(times), dtype=np.bool_)
-    (xy, heading), (place, _) = agent.at(times), other.at(times)
-    away = place - xy
-    bearing = np.arctan2(away[:, 1], away[:, 0]) - heading
-    return np.asarray(np.abs(np.angle(np.exp(1j * bearing))) > BEHIND)
+    why_not = "too late" if event.time - times[begin] < LATEST else "none seen"
+    if agent.speed[agent.index(float(times[begin]))] <= STANDING:
+        why_not = "stands already"
+    elif lasts < LATEST and times[begin] + lasts < event.time - 2 * STEP:
+        why_not = "over before it could react"
+    return known | {"why_not": why_not}
 
 
 def find_first_lasting(holds: BoolArray) -> int | None:
@@ -240,14 +216,14 @@ def _find_change(
     agent: Trajectory, window: slice, usual: FloatArray | float, *, slows: bool
 ) -> dict[str, Any] | None:
     """Where it brakes, or hurries, by more than is usual [m/s^2] and so that its speed shows it."""
-    limit, sign = THRESHOLDS[agent.type], -1.0 if slows else 1.0
+    (least, least_speed), sign = THRESHOLDS[agent.type], -1.0 if slows else 1.0
     change, speed = sign * agent.acceleration[window], sign * agent.speed
-    beyond = np.flatnonzero(change > sign * usual + limit.acceleration)
+    beyond = np.flatnonzero(change > sign * usual + least)
     if not len(beyond):
         return None
     onset = window.start + int(beyond[0])
     after = speed[onset : window.start + len(change)]
-    if float(after.max() - speed[onset - 2 : onset + 1].min()) < limit.speed:
+    if float(after.max() - speed[onset - 2 : onset + 1].min()) < least_speed:
         return None
     how = "runs" if not slows else "stops" if agent.type == "pedestrian" else "brakes"
     return _build_row(agent, onset, how, float(change[beyond[0] :].max()))
@@ -282,11 +258,8 @@ def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any]
 
 
 def _build_row(agent: Trajectory, onset: int, how: str, strength: float) -> dict[str, Any]:
-    return {
-        "reacted_at": round(float(agent.times[onset]), 3),
-        "how": how,
-        "strength": round(strength, 3),
-    }
+    time = round(float(agent.times[onset]), 3)
+    return {"reacted_at": time, "how": how, "strength": round(strength, 3)}
 
 
 def find_false_reactions(
@@ -296,7 +269,11 @@ def find_false_reactions(
     found = []
     for agent in scene.agents:
         own = [row for row in rows if row["agent"] == agent.id]
-        if agent.reaction is not None and describe_reaction(agent.reaction, own) is None:
+        if agent.reaction == "none":
+            seen = bool(own) and not any("reacted_at" in row for row in own)
+        else:
+            seen = any(row.get("how") == agent.reaction for row in own)
+        if agent.reaction is not None and not seen:
             found.append(
                 Finding(
                     rule="reaction_not_seen", agents=(agent.id,),
@@ -304,15 +281,3 @@ def find_false_reactions(
                 )
             )  # fmt: skip
     return tuple(found)
-
-
-def describe_reaction(asked: str, rows: Sequence[Mapping[str, Any]]) -> str | None:
-    """What bears out the way of reacting that was asked for, in words; None if nothing does."""
-    if not rows:
-        return None
-    if asked != "none":
-        seen = [row for row in rows if row.get("how") == asked]
-        words = asked.replace("_", " ")
-        return f"agent {seen[0]['agent']} {words} at {seen[0]['reacted_at']} s" if seen else None
-    reacted = any("reacted_at" in row for row in rows)
-    return None if reacted else f"agent {rows[0]['agent']} does not react"

@@ -135,21 +135,14 @@ def compute_free_speed_profile(track: Trajectory, *, begin: int) -> FreeSpeedPro
     bend = np.abs(np.concatenate((curvature[~keep][-1:], curvature[keep])))
     approach = compute_approach_speed(track, begin=begin)
     cap = np.minimum(approach**2, CURVE_COMFORT / np.maximum(bend, 1e-6))
-    square = _limit_acceleration(cap, np.diff(s), float(track.speed[begin]) ** 2)
+    # Squares of speed change by at most 2 * 2 m/s^2 per metre: running minima of w -/+ 4 s.
+    climb = np.concatenate(([0.0], np.cumsum(2 * COMFORT * np.diff(s))))
+    backward = np.minimum.accumulate((cap + climb)[::-1])[::-1] - climb
+    backward[0] = min(backward[0], float(track.speed[begin]) ** 2)
+    square = np.minimum.accumulate(backward - climb) + climb
     speed = np.sqrt(np.maximum(square, 0.01))
     time = np.concatenate(([0.0], np.cumsum(2 * np.diff(s) / (speed[1:] + speed[:-1]))))
     return FreeSpeedProfile(s, speed, track.times[begin] + time)
-
-
-def _limit_acceleration(cap: FloatArray, steps: FloatArray, start: float) -> FloatArray:
-    """Squares of speed under `cap` that change by at most 2 * 2 m/s^2 per metre.
-
-    Both passes are running minima in the variables w -/+ 4 s, so no loop is needed.
-    """
-    climb = np.concatenate(([0.0], np.cumsum(2 * COMFORT * steps)))
-    backward = np.minimum.accumulate((cap + climb)[::-1])[::-1] - climb
-    backward[0] = min(backward[0], start)
-    return np.asarray(np.minimum.accumulate(backward - climb) + climb)
 
 
 @dataclass(frozen=True)
@@ -272,10 +265,25 @@ def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
         early = giver.times[begin] < passage.other_start - STEP / 2
         if early or giver.times[low] > other.leave + LATE + 1e-6:
             return None
-    yield_event = _build_yield(passage, begin, low, arrival)
-    if not _resumes(passage, low) or _is_held_otherwise(yield_event, passage.around):
+    # It moves again within 4 s after the other cleared, or has an excuse not to.
+    limit = other.leave + RESUME_WITHIN
+    end = giver.end if passage.real_end is None else passage.real_end
+    after = (giver.times > giver.times[low]) & (giver.times <= min(limit, end) + 1e-6)
+    resumes = giver.speed[after & (giver.times >= other.leave)] > limits.resumed
+    excused = end <= limit + 1e-6 or passage.around.red(other.leave, limit)
+    if not (resumes.any() or excused or passage.around.excused(limit)):
         return None
-    return yield_event
+    until = max(giver.index(passage.until), low) + 1
+    x, y = giver.xy[low]
+    found = YieldEvent(
+        time=float(giver.times[low]), place=(float(x), float(y)),
+        begin=float(giver.times[begin]), lowest=float(giver.speed[low:until].min()),
+        approach=compute_approach_speed(giver, begin=begin),
+        braking=float(-giver.acceleration[begin:until].min()),
+        enter=passage.stay.enter if passage.real_end is None else None,
+        cleared=passage.other.leave, arrival=arrival,
+    )  # fmt: skip
+    return None if _is_held_otherwise(found, passage.around) else found
 
 
 def _find_slow_moment(
@@ -298,32 +306,6 @@ def _find_standstill(giver: Trajectory, begin: int, lowest: int, last: int) -> t
     before, after = moving[moving < lowest], moving[moving > lowest]
     first = int(before[-1]) + 1 if len(before) else begin
     return first, int(after[0]) - 1 if len(after) else last
-
-
-def _build_yield(passage: ZonePassage, begin: int, low: int, arrival: float) -> YieldEvent:
-    giver = passage.giver
-    until = max(giver.index(passage.until), low) + 1
-    x, y = giver.xy[low]
-    return YieldEvent(
-        time=float(giver.times[low]), place=(float(x), float(y)),
-        begin=float(giver.times[begin]), lowest=float(giver.speed[low:until].min()),
-        approach=compute_approach_speed(giver, begin=begin),
-        braking=float(-giver.acceleration[begin:until].min()),
-        enter=passage.stay.enter if passage.real_end is None else None,
-        cleared=passage.other.leave, arrival=arrival,
-    )  # fmt: skip
-
-
-def _resumes(passage: ZonePassage, low: int) -> bool:
-    """Moves again within 4 s after the other cleared, or has an excuse not to."""
-    giver, cleared, around = passage.giver, passage.other.leave, passage.around
-    limit = cleared + RESUME_WITHIN
-    end = giver.end if passage.real_end is None else passage.real_end
-    after = (giver.times > giver.times[low]) & (giver.times <= min(limit, end) + 1e-6)
-    after &= giver.times >= cleared
-    if (giver.speed[after] > LIMITS[giver.type].resumed).any():
-        return True
-    return end <= limit + 1e-6 or around.red(cleared, limit) or around.excused(limit)
 
 
 def _is_held_otherwise(yield_event: YieldEvent, around: YieldContext) -> bool:

@@ -34,9 +34,8 @@ from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
 from scenewright.tools.track_io.passengers import describe_rides, leave_out_passengers
-from scenewright.tools.track_io.sampled_recording import SampledRecording
+from scenewright.tools.track_io.sampled_recording import SampledRecording, find_subtype
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
-from scenewright.tools.track_io.subtypes import find_subtype
 from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 from scenewright.tools.track_io.unit_checks import find_unit_doubts
 

@@ -11,12 +11,12 @@ from scenewright.errors import InputError
 from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.track_io.passengers import describe_rides
 from scenewright.tools.track_io.sampled_recording import (
+    SUBTYPE_OF_WORD,
     AgentSamples,
     SampledRecording,
     find_road_user,
     sort_out,
 )
-from scenewright.tools.track_io.subtypes import SUBTYPE_OF_WORD
 
 _Agent = tuple[str, tuple[float | None, float | None], list[tuple[float, float, float, float]]]
 _LENGTHS = {name: size[0] for name, size in VEHICLE_SIZES.items()} | {"bicycle": 1.8}

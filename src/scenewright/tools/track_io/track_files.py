@@ -31,8 +31,8 @@ from scenewright.tools.track_io.dataset_formats import (
     get_format,
 )
 from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
+from scenewright.tools.track_io.sampled_recording import SUBTYPES, find_subtype
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
-from scenewright.tools.track_io.subtypes import SUBTYPES, find_subtype
 from scenewright.tools.track_io.taf_bw import SETTLING
 from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 
