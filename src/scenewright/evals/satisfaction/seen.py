@@ -6,19 +6,13 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scenewright.dataset.batch.rows import choose_folder
-from scenewright.errors import InputError
-from scenewright.evals.satisfaction.judge import Submission
-from scenewright.graph.run import load_scene, load_tracks, verify, verify_tracks
-from scenewright.intersections import load_map
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.relation_checker import RoadUser, read_users
+from scenewright.tools.relation_checker import RoadUser
 
 geos: Any = import_module("shapely")  # has no types of its own
 _ALONG = math.radians(50.0)
@@ -58,10 +52,16 @@ def see_agents(users: Iterable[RoadUser], intersection: IntersectionMap) -> list
     found = []
     turns = {(each.entry, each.exit): each.turn for each in intersection.movements}
     for user in users:
-        if user.shape.type == "pedestrian":
-            found.append(_see_pedestrian(user, intersection))
-            continue
         xy = user.track.xy
+        if user.shape.type == "pedestrian":
+            way = geos.LineString(xy) if len(xy) > 1 else geos.LineString()
+            walks = ((each.leg, geos.Polygon(each.polygon)) for each in intersection.crosswalks)
+            used = frozenset(leg for leg, area in walks if way.intersection(area).length > _CROSSED)
+            road = (geos.Polygon(area.exterior, area.holes) for area in intersection.road)
+            on_road = sum(way.intersection(area).length for area in road) > _CROSSED
+            movement = "crossing" if used else "jaywalking" if on_road else None
+            found.append(SeenAgent(user.id, "pedestrian", None, None, movement, used))
+            continue
         entry, leaving = _find_leg(xy, intersection), _find_leg(xy[::-1], intersection)
         movement = turns.get((entry, leaving)) if entry and leaving else None
         found.append(SeenAgent(user.id, user.shape.type, entry, leaving, movement, frozenset()))
@@ -86,55 +86,3 @@ def _find_leg(xy: FloatArray, intersection: IntersectionMap) -> Compass | None:
 
 def _differ(a: float, b: float) -> float:
     return abs(math.remainder(a - b, math.tau))
-
-
-def _see_pedestrian(user: RoadUser, intersection: IntersectionMap) -> SeenAgent:
-    way = geos.LineString(user.track.xy) if len(user.track.xy) > 1 else None
-    used = frozenset(
-        crosswalk.leg
-        for crosswalk in intersection.crosswalks
-        if way is not None and way.intersection(geos.Polygon(crosswalk.polygon)).length > _CROSSED
-    )
-    movement = "crossing" if used else None
-    if way is not None and not used:
-        on_road = sum(
-            way.intersection(geos.Polygon(area.exterior, area.holes)).length
-            for area in intersection.road
-        )
-        movement = "jaywalking" if on_road > _CROSSED else None
-    return SeenAgent(user.id, "pedestrian", None, None, movement, used)
-
-
-def read_submission(folder: Path, identity: str, *, intersection: str) -> Submission | None:
-    """What was submitted for an instruction; None where nothing was.
-
-    Args:
-        folder: holds `ID/scene.json` (as `scenewright batch` writes it) or `ID.SUFFIX`, tracks in
-            any format that `verify` reads.
-        intersection: map of the tracks; a scene.json names its own.
-
-    Raises:
-        InputError: more than one file for an instruction.
-    """
-    name = choose_folder(identity)
-    if (folder / name / "scene.json").is_file():
-        # A scene of ours: its tracks, and whether its proof and its account of words hold.
-        record, proof, fault = load_scene(folder / name), verify(folder / name), None
-        if not proof.verified:
-            fault = "the checker does not confirm the scene"
-        elif proof.verdict == "partly":
-            fault = proof.describe_verdict()
-        agents = see_agents(read_users(record), load_map(record.meta.intersection))
-        events = (*proof.events, *proof.incidental)
-        return Submission(agents, events, record.meta.time_of_day, fault)
-    files = sorted(path for path in folder.glob(f"{name}.*") if path.is_file())
-    if len(files) > 1:
-        raise InputError(f"{files[0]} and {files[1]} are both for {identity}; keep one")
-    if not files:
-        return None
-    try:
-        tracks = load_tracks(files[0])
-    except InputError as error:  # what cannot be read speaks against it
-        return Submission((), (), fault=f"cannot be read: {error}")
-    agents = see_agents(tracks.users, load_map(intersection))
-    return Submission(agents, verify_tracks(tracks, intersection=intersection))

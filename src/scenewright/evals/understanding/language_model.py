@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, cast
 
 import numpy as np
-from pydantic import BaseModel, Field, create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from scenewright.backends import Backend, Prompt, Question, Task
 from scenewright.errors import InputError
@@ -50,19 +50,6 @@ class _NamedRelation(Model):
         return self
 
 
-def build_reply_model(names: tuple[str, ...], sides: tuple[str, ...]) -> type[BaseModel]:
-    """Build the reply model for one scene: agents and sides are enumerations of what exists."""
-    side: Any = Literal[sides]
-    name: Any = Literal[names]
-    fields: dict[str, Any] = dict.fromkeys(names, (side, ...))
-    exits = create_model("Exits", __base__=Model, **fields)
-    relation = create_model(
-        "Relation", __base__=_NamedRelation, from_=(name, Field(alias="from")), to=(name, ...)
-    )
-    relations: Any = tuple[relation, ...]  # type: ignore[valid-type]
-    return create_model("Reply", __base__=Model, exits=(exits, ...), relations=(relations, ...))
-
-
 def ask_about_scene(
     description: SceneDescription,
     sides: tuple[str, ...],
@@ -78,7 +65,17 @@ def ask_about_scene(
     """
     ids = {name: code for code, name in description.names.items()}
     names = tuple(ids)
-    model = build_reply_model(names, sides)
+    # The reply for this scene: agents and sides are enumerations of what exists.
+    side: Any = Literal[sides]
+    name: Any = Literal[names]
+    fields: dict[str, Any] = dict.fromkeys(names, (side, ...))
+    exits = create_model("Exits", __base__=Model, **fields)
+    relation: Any = create_model(
+        "Relation", __base__=_NamedRelation, from_=(name, Field(alias="from")), to=(name, ...)
+    )
+    model = create_model(
+        "Reply", __base__=Model, exits=(exits, ...), relations=(tuple[relation, ...], ...)
+    )
     refused = [f"Your earlier answer was refused: {each[:400]}" for each in rejections[-3:]]
     user = "\n".join([description.text, *refused])
     question = Question(
@@ -89,9 +86,9 @@ def ask_about_scene(
         prompt=lambda: Prompt(SYSTEM, user, model.model_json_schema()),
     )
     reply = cast(Any, ask(backend, question, model, stage="scene_planner"))
-    exits = {ids[name]: str(getattr(reply.exits, name)) for name in names}
     relations = [PairRelation(r.type, ids[r.from_], ids[r.to]) for r in reply.relations]
-    return exits, tuple({each.key: each for each in relations}.values())
+    distinct = tuple({each.key: each for each in relations}.values())
+    return {ids[name]: str(getattr(reply.exits, name)) for name in names}, distinct
 
 
 def require_language_model(backend: Backend) -> Backend:

@@ -6,7 +6,6 @@ are public too: contact and clearance, conflict zones and stays, PET, TTC, DRAC,
 
 from scenewright.tools.relation_checker.collisions import classify_collision, measure_impact
 from scenewright.tools.relation_checker.conflict_zones import (
-    PathConflictZone,
     ZoneOccupancy,
     find_conflict_zones,
     find_zone_occupancy,
@@ -49,7 +48,6 @@ __all__ = [
     "Encounter",
     "FirstContact",
     "PairGrid",
-    "PathConflictZone",
     "RoadUser",
     "SceneObservation",
     "Trajectory",

@@ -19,11 +19,7 @@ from scenewright.scene.events import Event
 from scenewright.tools.relation_checker.contact import estimate_velocity_before
 from scenewright.tools.relation_checker.events import NEAR_MISS_PET
 from scenewright.tools.relation_checker.footprints import Box, compute_gap, make_pose
-from scenewright.tools.relation_checker.reactions import (
-    NEAR,
-    Perception,
-    Sights,
-)
+from scenewright.tools.relation_checker.reactions import NEAR, Sights
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 HARDEST = {"vehicle": 8.0, "pedestrian": 3.0, "cyclist": 3.5, "scooter": 3.5}
@@ -53,7 +49,12 @@ def find_avoidability(
             continue
         for number, by in ((event.from_, event.to), (event.to, event.from_)):
             view = sights.perceive(tracks[number], tracks[by], event.time)
-            begin, why_not = _find_begin(view, event.time)
+            # From when on it could see the threat: the conflict is perceptible; or, where their
+            # courses never conflict, as in a near miss by a hair, the other is in sight at last.
+            threat = view.near if view.near.any() else view.times >= event.time - NEAR - 1e-6
+            k, reason = view.find_begin(threat)
+            begin = None if k is None else round(float(view.times[k]), 3)
+            why_not = None if k is not None else reason if threat.any() else "not there"
             needed = after = None
             if begin is not None:
                 needed, after = _compute_needed_braking(tracks[number], tracks[by], event, begin)
@@ -72,19 +73,6 @@ def find_avoidability(
             }  # fmt: skip
             rows.append(row if why_not is None else row | {"why_not": why_not})
     return rows
-
-
-def _find_begin(view: Perception, time: float) -> tuple[float | None, str | None]:
-    """From when on a party could see the threat [s], or why it could not.
-
-    That is when the conflict is perceptible; where their courses never conflict, as in a near miss
-    by a hair, when the other is in sight in the last 3 s.
-    """
-    threat = view.near if view.near.any() else view.times >= time - NEAR - 1e-6
-    begin, why_not = view.find_begin(threat)
-    if begin is not None:
-        return round(float(view.times[begin]), 3), None
-    return None, why_not if threat.any() else "not there"
 
 
 def _compute_needed_braking(

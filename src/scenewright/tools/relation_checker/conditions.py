@@ -23,7 +23,7 @@ from scenewright.tools.relation_checker.footprints import compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
 from scenewright.tools.relation_checker.planar import geos
-from scenewright.tools.relation_checker.trajectory import Trajectory, extend_straight
+from scenewright.tools.relation_checker.trajectory import extend_straight
 
 ON_CROSSWALK = 0.5
 """How far beside a crosswalk [m] still counts as on it."""
@@ -91,7 +91,16 @@ def _check_zone(
     elif zone is None or intersection_map is None:
         return None
     else:
-        place = _find_meeting_place(event, first, second)
+        # Where the two met, or would have: their conflict zone; the contact itself where they did.
+        place, middle = event.location, None
+        if event.type not in ("collision", "follow"):
+            giver = first
+            if event.type == "yielding":  # it may still wait when the scene ends
+                speed = 2.0 if first.is_vehicle else 1.0
+                giver = extend_straight(first, distance=_BEYOND[first.type], speed=speed)
+            middle = find_nearest_zone(giver, second, place)
+        if middle is not None:
+            place = float(middle.centroid.x), float(middle.centroid.y)
         on_foot = not (first.is_vehicle and second.is_vehicle)
         inside = is_in_zone(place, zone, intersection_map, on_foot=on_foot)
     return None if inside else f"not in the zone demanded ({zone})"
@@ -118,20 +127,6 @@ def is_in_zone(
             return on_road and not (on_foot and marked)
         case "lane":
             return on_road
-
-
-def _find_meeting_place(event: Event, first: Trajectory, second: Trajectory) -> Point:
-    """Where the two met, or would have: their conflict zone; the contact itself where they did."""
-    if event.type in ("collision", "follow"):
-        return event.location
-    if event.type == "yielding":  # it may still wait when the scene ends
-        first = extend_straight(
-            first, distance=_BEYOND[first.type], speed=2.0 if first.is_vehicle else 1.0
-        )
-    zone = find_nearest_zone(first, second, event.location)
-    if zone is None:
-        return event.location
-    return float(zone.polygon.centroid.x), float(zone.polygon.centroid.y)
 
 
 _ONWARDS, _ON_FOOT = 15.0, 5.0
@@ -207,7 +202,7 @@ def _find_entering_order(observed: SceneObservation, event: Event) -> PassingOrd
         onwards = _ON_FOOT if track.type == "pedestrian" else _ONWARDS
         pair.append(extend_straight(until, distance=onwards, speed=speed))
     zone = find_nearest_zone(pair[0], pair[1], event.location)
-    stays = [] if zone is None else [find_zone_occupancy(each, zone.polygon) for each in pair]
+    stays = [] if zone is None else [find_zone_occupancy(each, zone) for each in pair]
     entered = [(stay.enter, track.id) for stay, track in zip(stays, pair, strict=False) if stay]
     if len(entered) < 2 or entered[0][0] == entered[1][0]:
         return None

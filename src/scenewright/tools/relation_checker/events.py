@@ -25,7 +25,6 @@ from scenewright.tools.relation_checker.collisions import (
 )
 from scenewright.tools.relation_checker.conflict_zones import (
     SHARED,
-    PathConflictZone,
     find_conflict_zones,
     find_nearest_zone,
     find_zone_occupancy,
@@ -50,7 +49,7 @@ from scenewright.tools.relation_checker.following import (
 from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, double_room
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.overtaking import find_close_overtaking
-from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.planar import Area, geos
 from scenewright.tools.relation_checker.signals import SignalPlan
 from scenewright.tools.relation_checker.surrogates import (
     compute_drac,
@@ -340,12 +339,12 @@ class _EventSearch:
 
     def _find_yield_at(
         self,
-        zone: PathConflictZone,
+        zone: Area,
         giver: Trajectory,
         other: Trajectory,
         real_end: float | None = None,
     ) -> YieldEvent | None:
-        stay, passing = (find_zone_occupancy(each, zone.polygon) for each in (giver, other))
+        stay, passing = (find_zone_occupancy(each, zone) for each in (giver, other))
         if stay is None or passing is None:
             return None
         brink = float(np.interp(stay.enter, giver.times, giver.s)) + giver.nose
@@ -363,7 +362,7 @@ class _EventSearch:
             xy, _ = other.at(np.array([time]))
             walks = (each.area for each in get_ground_raster(self.intersection_map).crosswalks)
             return other.start <= time <= other.end and any(
-                w.intersects(zone.polygon) and w.intersects(geos.Point(xy[0])) for w in walks
+                w.intersects(zone) and w.intersects(geos.Point(xy[0])) for w in walks
             )
 
         around = YieldContext(
@@ -471,7 +470,14 @@ class _EventSearch:
         self, pair: Pair, pet: float | None, full: bool, *, around: Sequence[float]
     ) -> list[Event]:
         first, second = (self.tracks[k] for k in pair)
-        closest = _find_closest_approach(first, second, min(around), max(around))
+        # The closest approach around the encounter, else of all.
+        begin, end = min(around), max(around)
+        closest = find_least_clearance(first, second, within=(begin - 3.0, end + 3.0))
+        abreast = closest is not None and _face_one_way(first, second, closest[0])
+        if abreast and not _face_one_way(first, second, begin):
+            # Side by side on the approach is not yet where one turns across the other's way.
+            closest = find_least_clearance(first, second, within=(begin, end)) or closest
+        closest = closest or find_least_clearance(first, second)
         if closest is None:
             return []
         time, clearance = closest
@@ -570,18 +576,6 @@ def _search_crossers_ahead(grid: GridTable, table: FloatArray) -> BoolArray:
                 found[row, side] = True
                 break
     return found
-
-
-def _find_closest_approach(
-    first: Trajectory, second: Trajectory, begin: float, end: float
-) -> tuple[float, float] | None:
-    """Time and clearance of the closest approach around an encounter, else of all."""
-    around = find_least_clearance(first, second, within=(begin - 3.0, end + 3.0))
-    abreast = around is not None and _face_one_way(first, second, around[0])
-    if abreast and not _face_one_way(first, second, begin):
-        # Side by side on the approach is not yet where one turns across the other's way.
-        around = find_least_clearance(first, second, within=(begin, end)) or around
-    return around or find_least_clearance(first, second)
 
 
 _ONE_WAY = np.radians(15.0)

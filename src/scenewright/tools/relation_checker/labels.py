@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -182,17 +182,34 @@ def find_false_metadata(
     """What contradicts the map, or another part of the same file."""
     named = {number for entry in scene.said for number in entry.agents}
     bound = named.union(*({each.from_, each.to} for each in scene.relations))
-    rows = (
-        *(((), detail) for detail in _check_meta(scene, intersection_map)),
-        *(((each.id,), detail) for each in scene.agents for detail in _check_agent(each, bound)),
-        *(((), detail) for each in scene.objects for detail in _check_object(each)),
-        *_check_names(scene),
-        *_check_relations_said(scene),
-    )
-    return tuple(
-        Finding(rule="metadata_contradicted", agents=agents, detail=detail)
-        for agents, detail in rows
-    )
+    rows: list[tuple[tuple[int, ...], str]] = []
+    rows += [((), detail) for detail in _check_meta(scene, intersection_map)]
+    for agent in scene.agents:
+        who, own = f"{agent.type} {agent.id}", (agent.id,)
+        if agent.role == "background" and agent.id in bound:
+            rows.append((own, f"{who} was asked for and is called background"))
+        if not re.fullmatch(rf"{agent.type}-[1-9]\d*", agent.name):
+            detail = f"{who} has the name {agent.name!r}, not one like {agent.type}-1"
+            rows.append((own, detail))
+        known = {"pedestrian": RUNNERS, "vehicle": VEHICLE_SIZES}.get(agent.type, ())
+        if agent.subtype is not None and agent.subtype not in known:
+            rows.append((own, f"there is no {agent.type} of the subtype {agent.subtype!r}"))
+    rows += [((), detail) for each in scene.objects for detail in _check_object(each)]
+    first: dict[str, int] = {}
+    for agent in scene.agents:
+        other = first.setdefault(agent.name, agent.id)
+        if other != agent.id:
+            detail = f"agents {other} and {agent.id} have the same name {agent.name!r}"
+            rows.append(((other, agent.id), detail))
+    # What the account says was asked for stands among the relations.
+    asked = {(each.type, frozenset((each.from_, each.to))) for each in scene.relations}
+    for entry in scene.said:
+        event = EVENT_OF_RELATION.get(entry.value or "") if entry.became == "relation" else None
+        if event is not None and (event, frozenset(entry.agents)) not in asked:
+            detail = f"'{entry.words}' asks for {event}; relations has none of these agents"
+            rows.append((entry.agents, detail))
+    rule = "metadata_contradicted"
+    return tuple(Finding(rule=rule, agents=agents, detail=detail) for agents, detail in rows)
 
 
 def _check_meta(scene: SceneRecord, intersection_map: IntersectionMap | None) -> Iterator[str]:
@@ -216,16 +233,6 @@ def _check_meta(scene: SceneRecord, intersection_map: IntersectionMap | None) ->
             yield f"the instruction does not say {entry.words!r} where the account has it"
 
 
-def _check_agent(agent: AgentRecord, bound: Container[int]) -> Iterator[str]:
-    if agent.role == "background" and agent.id in bound:
-        yield f"{agent.type} {agent.id} was asked for and is called background"
-    if not re.fullmatch(rf"{agent.type}-[1-9]\d*", agent.name):
-        yield f"{agent.type} {agent.id} has the name {agent.name!r}, not one like {agent.type}-1"
-    known = {"pedestrian": RUNNERS, "vehicle": VEHICLE_SIZES}.get(agent.type, ())
-    if agent.subtype is not None and agent.subtype not in known:
-        yield f"there is no {agent.type} of the subtype {agent.subtype!r}"
-
-
 def _check_object(each: ObjectRecord) -> Iterator[str]:
     """An object has about the size of its kind, and blocks the view as its kind does."""
     if each.kind in OBJECT_SIZES:
@@ -240,24 +247,3 @@ def _check_object(each: ObjectRecord) -> Iterator[str]:
         yield f"{each.id}, a {what}, measures {each.length:g} x {each.width:g} m"
     if (each.height == "low") != bool(_SEEN_OVER & {each.kind, each.subtype}):
         yield f"{each.id}, a {each.subtype or each.kind}, is not {each.height}"
-
-
-def _check_names(scene: SceneRecord) -> Iterator[tuple[tuple[int, ...], str]]:
-    first: dict[str, int] = {}
-    for agent in scene.agents:
-        other = first.setdefault(agent.name, agent.id)
-        if other != agent.id:
-            detail = f"agents {other} and {agent.id} have the same name {agent.name!r}"
-            yield (other, agent.id), detail
-
-
-def _check_relations_said(scene: SceneRecord) -> Iterator[tuple[tuple[int, ...], str]]:
-    """A relation that the account says was asked for stands among the relations."""
-    asked = {(each.type, frozenset((each.from_, each.to))) for each in scene.relations}
-    for entry in scene.said:
-        event = EVENT_OF_RELATION.get(entry.value or "")
-        if entry.became != "relation" or event is None:
-            continue
-        if (event, frozenset(entry.agents)) not in asked:
-            detail = f"'{entry.words}' asks for {event}; relations has none of these agents"
-            yield entry.agents, detail

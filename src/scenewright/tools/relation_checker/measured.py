@@ -65,7 +65,12 @@ class MeasuredFigures:
         track = self._tracks[measure.agent]
         match measure.kind:
             case "speed":
-                return measure_kept_speed(track)
+                # The highest that is kept for a second.
+                window = round(KEPT / STEP)
+                if len(track.speed) <= window:
+                    return ()
+                views = np.lib.stride_tricks.sliding_window_view(track.speed, window)
+                return (float(views.min(axis=1).max()),)
             case "line_speed":
                 # Where it passes its light: the red one that it runs, else the first.
                 lights = self._observed.lights
@@ -164,15 +169,6 @@ def _find_shortfall(measure: MeasureRecord, values: Sequence[float]) -> str | No
     seen = f"{seen} {unit}" if seen else "none"
     asked = f"{measure.low:.4g} to {measure.high:.4g} {unit} asked for"
     return f"{name} of {of}: {seen} observed, {asked}"
-
-
-def measure_kept_speed(track: Trajectory) -> tuple[float, ...]:
-    """The highest speed that is kept for a second [m/s]."""
-    window = round(KEPT / STEP)
-    if len(track.speed) <= window:
-        return ()
-    kept = np.lib.stride_tricks.sliding_window_view(track.speed, window).min(axis=1)
-    return (float(kept.max()),)
 
 
 def measure_impact_share(

@@ -191,7 +191,11 @@ def check_sights(
     figures: list[dict[str, Any]] = []
     findings: list[Finding] = []
     for sight in scene.sights:
-        event = _find_event(scene, events, sight)
+        # The event that realises the relation of the two.
+        both = {sight.observer, sight.subject}
+        asked = {r.type for r in scene.relations if {r.from_, r.to} == both}
+        known = set(EVENT_OF_RELATION.values()) & asked
+        event = next((e for e in events if {e.from_, e.to} == both and e.type in known), None)
         measured = None if event is None else _measure(scene, observed, sight, event, left_hand)
         fault = "the two have no event" if event is None else _find_fault(sight, event, measured)
         fault = fault or _find_wrong_gap(scene, observed, sight)
@@ -203,14 +207,12 @@ def check_sights(
             pair = sight.observer, sight.subject
             findings.append(Finding(rule="sight_not_blocked", agents=pair, detail=detail))
         if event is not None and measured is not None and measured[0] is not None:
-            figures.append(
-                {
-                    "observer": sight.observer, "subject": sight.subject, "object": sight.object,
-                    "first_visible": round(measured[0].time, 3),
-                    "before_event": round(event.time - measured[0].time, 3),
-                    "hidden_for": measured[0].hidden_for,
-                }
-            )  # fmt: skip
+            figures.append({
+                "observer": sight.observer, "subject": sight.subject, "object": sight.object,
+                "first_visible": round(measured[0].time, 3),
+                "before_event": round(event.time - measured[0].time, 3),
+                "hidden_for": measured[0].hidden_for,
+            })  # fmt: skip
     return figures, tuple(findings)
 
 
@@ -273,11 +275,3 @@ def _find_wrong_gap(
     if gap <= WIDEST and passes.any():
         return None
     return f"it does not come out between {one.id} and {two.id}, {gap:.1f} m apart"
-
-
-def _find_event(scene: SceneRecord, events: Sequence[Event], sight: SightRecord) -> Event | None:
-    """The event that realises the relation of the two."""
-    pair = {sight.observer, sight.subject}
-    asked = {r.type for r in scene.relations if {r.from_, r.to} == pair}
-    known = set(EVENT_OF_RELATION.values()) & asked
-    return next((e for e in events if {e.from_, e.to} == pair and e.type in known), None)

@@ -126,9 +126,11 @@ def measure_passing(
     beside = np.flatnonzero((np.abs(along) < half) & (np.abs(aside) < 6.0))
     if not len(beside) or along[0] > -half or along[-1] < half:
         return "it does not come from behind it and drive on ahead of it"
-    heads = _find_last_run(_heads_for(track, thing, moving=least > 0.0)[: beside[0]])
-    if heads is None:
+    heading = _heads_for(track, thing, moving=least > 0.0)[: beside[0]]
+    lasting = np.convolve(heading, np.ones(HEADS_FOR))[HEADS_FOR - 1 :] > HEADS_FOR - 0.5
+    if not lasting.any():
         return "it never drives straight at it, so it is not in its way"
+    heads = int(np.flatnonzero(lasting)[-1]) + HEADS_FOR - 1
     gaps = measure_gaps(track.xy, track.heading, track.box, thing)
     k = int(gaps.argmin())
     moved = float(np.abs(aside[beside] - aside[heads]).max())
@@ -173,13 +175,6 @@ def measure_short_stop(track: Trajectory, thing: ObjectRecord, until: float) -> 
         return "it does not brake hard for it at the last moment"
     return {**waiting, "path_ttc": round(float(close.min()), 3),
             "braking": round(float(-track.acceleration.min()), 3)}  # fmt: skip
-
-
-def _find_last_run(flags: BoolArray) -> int | None:
-    """The last of the last samples in a row that are true, if there are enough of them."""
-    lasting = np.convolve(flags, np.ones(HEADS_FOR))[HEADS_FOR - 1 :] > HEADS_FOR - 0.5
-    found = np.flatnonzero(lasting)
-    return int(found[-1]) + HEADS_FOR - 1 if len(found) else None
 
 
 def measure_waiting(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:

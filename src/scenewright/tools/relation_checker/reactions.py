@@ -188,28 +188,28 @@ def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, A
     window = slice(first + round(SOONEST / STEP), last + 1)
     if not len(agent.acceleration[window]):
         return None
-    found = _find_change(agent, window, _expect(agent, first, window), slows=True)
-    back = _find_way_back(agent, first, window)
-    if found is not None and back is not None:
-        return found | {"how": back}
+    # How it would have braked anyway: as it does, or for the bends of its way.
+    speed, usual = float(agent.speed[first]), min(float(agent.acceleration[first]), 0.0)
+    expected = np.full(len(agent.speed[window]), usual)
+    if agent.is_vehicle and speed > STANDING:
+        free = compute_free_speed_profile(agent, begin=first)
+        along = np.gradient(free.speed**2, free.s) / 2.0 if len(free.s) > 1 else np.zeros(1)
+        expected = np.minimum(usual, np.interp(agent.s[window], free.s, along))
+    found = _find_change(agent, window, expected, slows=True)
     if agent.type == "pedestrian":
+        # Whether it steps or jumps back, against the way that it went at first.
+        ahead = agent.velocity[first] / max(speed, STANDING)
+        went = (agent.xy[first : window.stop] - agent.xy[first]) @ ahead
+        back = float((np.maximum.accumulate(went) - went).max())
+        if found is not None and speed > STANDING and back >= BACK:
+            backwards = -float((agent.velocity[window] @ ahead).min())
+            return found | {"how": "jumps_back" if backwards > JUMPS else "steps_back"}
         usual = max(float(agent.acceleration[first]), 0.0)
         hurry = _find_change(agent, window, usual, slows=False)
         # After running it slows down again, after stopping it walks on: what came first counts.
         known = [each for each in (found, hurry) if each is not None]
         found = min(known, key=lambda each: float(each["reacted_at"]), default=None)
     return _find_swerve(agent, first, window) or found
-
-
-def _expect(agent: Trajectory, first: int, window: slice) -> FloatArray:
-    """[W] how it would have braked anyway [m/s^2]: as it does, or for the bends of its way."""
-    usual = min(float(agent.acceleration[first]), 0.0)
-    if not agent.is_vehicle or agent.speed[first] <= STANDING:
-        return np.full(len(agent.speed[window]), usual)
-    free = compute_free_speed_profile(agent, begin=first)
-    along = np.gradient(free.speed**2, free.s) / 2.0 if len(free.s) > 1 else np.zeros(1)
-    bends = np.interp(agent.s[window], free.s, along)
-    return np.asarray(np.minimum(usual, bends))
 
 
 def _find_change(
@@ -227,19 +227,6 @@ def _find_change(
         return None
     how = "runs" if not slows else "stops" if agent.type == "pedestrian" else "brakes"
     return _build_row(agent, onset, how, float(change[beyond[0] :].max()))
-
-
-def _find_way_back(agent: Trajectory, first: int, window: slice) -> str | None:
-    """Whether a pedestrian steps or jumps back, against the way that it went at first."""
-    speed = float(agent.speed[first])
-    if agent.type != "pedestrian" or speed <= STANDING:
-        return None
-    ahead = agent.velocity[first] / speed
-    went = (agent.xy[first : window.stop] - agent.xy[first]) @ ahead
-    if float((np.maximum.accumulate(went) - went).max()) < BACK:
-        return None
-    backwards = -float((agent.velocity[window] @ ahead).min())
-    return "jumps_back" if backwards > JUMPS else "steps_back"
 
 
 def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any] | None:

@@ -18,7 +18,7 @@ from scenewright.scene.map import IntersectionMap, SignalProgram
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
-from scenewright.tools.relation_checker.ground_raster import CrosswalkArea, get_ground_raster
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import (
     Trajectory,
@@ -84,13 +84,16 @@ class SignalPlan:
             for track, time, name in self._lines.find_passages([m for m in tracks if m.is_vehicle]):
                 found[track].append((time, name))
             walkers = [m for m in tracks if m.is_rider or not m.is_vehicle]
+            # Pedestrians and riders that enter a crosswalk and go at least 2 m across. Who begins
+            # inside steps into it then: on red it cannot be known to have come on green.
             for walk in get_ground_raster(self._map).crosswalks if walkers else ():
-                if walk.crosswalk.id in self._spans:
-                    for track in walkers:
-                        found[track] += [
-                            (time, walk.crosswalk.id)
-                            for time in _find_crosswalk_entries(track, walk)
-                        ]
+                low_x, low_y, high_x, high_y = walk.bounds
+                for track in walkers if walk.crosswalk.id in self._spans else ():
+                    west, south, east, north = track.bounds
+                    if west <= high_x and south <= high_y and east >= low_x and north >= low_y:
+                        inside = geos.contains_xy(walk.area, track.xy[:, 0], track.xy[:, 1])
+                        entries = track.times[_find_entries(inside, track.xy, walk.across)]
+                        found[track] += [(float(time), walk.crosswalk.id) for time in entries]
         for track, met in found.items():
             self._met[track] = tuple(
                 LightCrossing(time, name, self.get_colour(name, time=time))
@@ -256,8 +259,12 @@ def check_signal_plan(
     if not records:
         detail = "the map has signals, but the scene has no signal plan"
         return (Finding(rule="no_signal_plan", agents=(), detail=detail),)
-    owners = _group_lights(intersection_map)
-    reason = _find_malformed(records, owners) or _find_uncovered(records, owners, until)
+    owners: dict[str, set[str]] = {}  # signal groups of every stop line and crosswalk
+    for group in intersection_map.signals.groups:
+        lines = (m.stop_line for m in intersection_map.movements if m.id in group.movements)
+        for light in (*lines, *group.crosswalks):
+            owners.setdefault(light, set()).add(group.id)
+    reason = _find_bad_record(records, owners, until)
     if reason is None:
         shown = _list_shown_colours(
             records, {k: next(iter(v)) for k, v in owners.items() if len(v) == 1}
@@ -270,8 +277,14 @@ def check_signal_plan(
     return (Finding(rule="signal_plan", agents=(), detail=f"the signal plan {reason}"),)
 
 
-def _find_malformed(records: Sequence[SignalRecord], owners: Mapping[str, set[str]]) -> str | None:
-    """What is wrong with a record in itself."""
+def _find_bad_record(
+    records: Sequence[SignalRecord], owners: Mapping[str, set[str]], until: float
+) -> str | None:
+    """A record that is wrong in itself, or a light whose records leave a gap or overlap.
+
+    They must reach from 0 to the end of the scene. Of a light of several groups, each of which may
+    show its own colour, only gaps are reported.
+    """
     for record in records:
         names = [n for n in (record.stop_line, record.crosswalk) if n is not None]
         if len(names) != 1:
@@ -280,16 +293,6 @@ def _find_malformed(records: Sequence[SignalRecord], owners: Mapping[str, set[st
             return f"names the light {names[0]}, which the programme of the map lacks"
         if not (isfinite(record.start) and isfinite(record.end) and record.start < record.end):
             return f"has a record of {names[0]} that ends before it begins, or at no time"
-    return None
-
-
-def _find_uncovered(
-    records: Sequence[SignalRecord], owners: Mapping[str, set[str]], until: float
-) -> str | None:
-    """A light whose records leave a gap between 0 and the end of the scene, or overlap.
-
-    Of a light of several groups, each of which may show its own colour, only gaps are reported.
-    """
     spans: dict[str, list[tuple[float, float]]] = {name: [] for name in owners}
     for record in records:
         spans[record.stop_line or record.crosswalk or ""].append((record.start, record.end))
@@ -315,16 +318,6 @@ def _list_offsets(records: Sequence[SignalRecord], program: SignalProgram) -> li
     return [float(end - change) for end in ends]
 
 
-def _group_lights(intersection_map: IntersectionMap) -> dict[str, set[str]]:
-    """Signal groups of every stop line and crosswalk of the programme."""
-    owners: dict[str, set[str]] = {}
-    for group in intersection_map.signals.groups if intersection_map.signals else ():
-        lines = (m.stop_line for m in intersection_map.movements if m.id in group.movements)
-        for light in (*lines, *group.crosswalks):
-            owners.setdefault(light, set()).add(group.id)
-    return owners
-
-
 def _list_shown_colours(
     records: Sequence[SignalRecord], groups: Mapping[str, str]
 ) -> set[tuple[str, float, Colour]]:
@@ -346,18 +339,6 @@ def _fits(shown: set[tuple[str, float, Colour]], program: SignalProgram, offset:
         if program.phases[min(k, len(ends) - 1)].colours.get(group, colour) != colour:
             return False
     return True
-
-
-def _find_crosswalk_entries(track: Trajectory, area: CrosswalkArea) -> list[float]:
-    """Times at which a pedestrian or rider enters the crosswalk and goes at least 2 m across.
-
-    Who begins inside steps into it then: on red it cannot be known to have come on green.
-    """
-    (west, south, east, north), box = track.bounds, area.bounds
-    if west > box[2] or south > box[3] or east < box[0] or north < box[1]:
-        return []
-    inside = geos.contains_xy(area.area, track.xy[:, 0], track.xy[:, 1])
-    return [float(track.times[k]) for k in _find_entries(inside, track.xy, area.across)]
 
 
 @compiled

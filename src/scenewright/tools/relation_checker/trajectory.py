@@ -246,23 +246,19 @@ def derive_all(tracks: Sequence[Trajectory]) -> None:
         return
     xy, heading, origin = concatenate_samples(tracks)
     s, bounds = _compute_arc_lengths(xy, origin)
-    _check_lengths(tracks, s[origin[1:] - 1])
-    paths = build_paths(xy, s, heading, origin)
-    ends = pairwise(origin.tolist())
-    kinematics, boxes, ways = _compute_derivatives(xy, origin), bounds.tolist(), build_lanes(paths)
-    for track, (a, b), *derived in zip(tracks, ends, kinematics, boxes, paths, ways, strict=True):
-        for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
-            object.__setattr__(track, name, value)
-
-
-def _check_lengths(tracks: Sequence[Trajectory], lengths: FloatArray) -> None:
-    """Refuses tracks [N] whose lengths [m] come from positions that are no metres."""
+    lengths = s[origin[1:] - 1]
     if lengths.sum() > LONGEST:
         worst = int(lengths.argmax())
         raise InputError(
             f"agent {tracks[worst].id}: its track is {lengths[worst] / 1000:.4g} km long; tracks "
             f"may be {LONGEST / 1000:g} km together, and positions are metres"
         )
+    paths = build_paths(xy, s, heading, origin)
+    ends = pairwise(origin.tolist())
+    kinematics, boxes, ways = _compute_derivatives(xy, origin), bounds.tolist(), build_lanes(paths)
+    for track, (a, b), *derived in zip(tracks, ends, kinematics, boxes, paths, ways, strict=True):
+        for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
+            object.__setattr__(track, name, value)
 
 
 _DERIVED = ("s", "kinematics", "bounds", "path", "lane")
@@ -388,17 +384,6 @@ def build_trajectory(user: RoadUser, *, offset: float = 0.0) -> Trajectory:
     return _assemble_trajectory(user, offset + first * STEP, xy, turned)
 
 
-def find_grid_offset(users: Sequence[RoadUser]) -> float:
-    """Where between two multiples of 0.1 s most tracks of that step have their samples [s].
-
-    So tracks that all begin at, say, 0.037 s are taken as they are, not interpolated.
-    """
-    found = Counter(
-        round(u.track.start % STEP, 4) % STEP for u in users if abs(u.track.step - STEP) < 1e-9
-    )
-    return max(found, key=lambda each: (found[each], -each), default=0.0)
-
-
 def _assemble_trajectory(
     user: RoadUser, start: float, xy: FloatArray, heading: FloatArray
 ) -> Trajectory:
@@ -443,7 +428,11 @@ def build_trajectories(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Tr
             raise InputError(
                 f"agent {user.id}: size {user.shape.length} x {user.shape.width} m is not usable"
             )
-    offset = find_grid_offset(users)
+    # Where between two multiples of 0.1 s most tracks of that step have their samples [s]: so
+    # tracks that all begin at, say, 0.037 s are taken as they are, not interpolated.
+    even = (u.track.start for u in users if abs(u.track.step - STEP) < 1e-9)
+    found = Counter(round(start % STEP, 4) % STEP for start in even)
+    offset = max(found, key=lambda each: (found[each], -each), default=0.0)
     tracks = tuple(build_trajectory(user, offset=offset) for user in users)
     derive_all(tracks)
     return tracks

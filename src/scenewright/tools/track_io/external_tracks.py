@@ -12,7 +12,7 @@ import io
 import json
 import math
 from array import array
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import PurePath
@@ -153,14 +153,11 @@ def read_tracks(data: bytes, *, name: str) -> ExternalTracks:
     Raises:
         InputError: names the line and what to mend.
     """
-    readers: dict[str, Callable[..., ExternalTracks]] = {
-        ".csv": read_csv,
-        ".ndjson": read_trajnet,
-    }
-    reader = readers.get(PurePath(name).suffix.lower())
-    if reader is None:
+    suffix = PurePath(name).suffix.lower()
+    if suffix not in (".csv", ".ndjson"):
         raise InputError(f"{name}: tracks are read from .csv and .ndjson files")
-    return reader(decode_text(data, name=name), name=name)
+    text = decode_text(data, name=name)
+    return read_csv(text, name=name) if suffix == ".csv" else read_trajnet(text, name=name)
 
 
 def read_external_recordings(data: bytes, *, name: str) -> dict[str, ExternalTracks]:
@@ -340,8 +337,19 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
             if not 1 / LONGEST_STEP <= rate <= 1 / SHORTEST_STEP:
                 table.refuse(line, f"fps = {rate:g} must be frames per second of the samples")
             fps[rate] = line
-        else:
-            _add_track(values, line, table)
+            continue
+        missing = [key for key in ("f", "p", "x", "y") if values.get(key) is None]
+        if missing:
+            table.refuse(line, f"the track has no {', '.join(missing)}; it needs f, p, x and y")
+        who = values["p"]
+        if isinstance(who, bool) or not isinstance(who, int | str) or who == "":
+            table.refuse(line, "p must be the number of an agent")
+        subtype = _check_subtype(values.get("class", "pedestrian"), line, table)
+        numbers = {key: _check_json_number(values[key], key, line, table) for key in "fxy"}
+        if numbers["f"] != int(numbers["f"]):
+            table.refuse(line, f"f = {numbers['f']:g} must be the whole number of a frame")
+        place = {"t": numbers["f"], "x": numbers["x"], "y": numbers["y"]}
+        table.add(line, str(who), subtype, place)
     if len(fps) > 1:
         (one, _), (other, line) = list(fps.items())[:2]
         table.refuse(line, f"fps {other:g} here and {one:g} elsewhere; split the file by fps")
@@ -350,21 +358,6 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
     found, counts = np.unique(np.concatenate([*steps, np.zeros(0)]), return_counts=True)
     stride = float(found[np.argmax(counts)]) if len(found) else 1.0
     return _build_tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * stride))
-
-
-def _add_track(track: Mapping[str, Any], line: int, table: _Table) -> None:
-    missing = [key for key in ("f", "p", "x", "y") if track.get(key) is None]
-    if missing:
-        table.refuse(line, f"the track has no {', '.join(missing)}; it needs f, p, x and y")
-    who = track["p"]
-    if isinstance(who, bool) or not isinstance(who, int | str) or who == "":
-        table.refuse(line, "p must be the number of an agent")
-    subtype = _check_subtype(track["class"], line, table) if "class" in track else "pedestrian"
-    numbers = {key: _check_json_number(track[key], key, line, table) for key in ("f", "x", "y")}
-    if numbers["f"] != int(numbers["f"]):
-        table.refuse(line, f"f = {numbers['f']:g} must be the whole number of a frame")
-    table.add(line, str(who), subtype,
-              {"t": numbers["f"], "x": numbers["x"], "y": numbers["y"]})  # fmt: skip
 
 
 def _check_json_number(value: Any, key: str, line: int, table: _Table) -> float:
@@ -596,10 +589,10 @@ def _collect_notes(
     return (*notes, *find_unit_doubts(users, headed=headed))
 
 
-def _list_ids(names: list[str], *, most: int = 5) -> str:
+def _list_ids(names: list[str]) -> str:
     """Ids for a sentence."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"id {', '.join(_crop(name) for name in names[:most])}{more}"
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return f"id {', '.join(_crop(name) for name in names[:5])}{more}"
 
 
 def _crop(text: str, *, limit: int = 40) -> str:
