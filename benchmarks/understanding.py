@@ -44,10 +44,14 @@ from scenewright.errors import ScenewrightError
 from scenewright.evals.understanding import cases as cases_module
 from scenewright.evals.understanding.cases import SceneCase, Split, assign_split
 from scenewright.evals.understanding.clips import cut_clips, read_source
-from scenewright.evals.understanding.evaluate import MethodScores, evaluate, load_cases
+from scenewright.evals.understanding.evaluate import (
+    MethodScores,
+    evaluate,
+    format_report,
+    load_cases,
+)
 from scenewright.evals.understanding.observation import observe
 from scenewright.evals.understanding.pipeline import find_method
-from scenewright.evals.understanding.report import format_report
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.files import write_atomically
 from scenewright.graph.run import synthesize

@@ -34,8 +34,8 @@ from scenewright.evals.bootstrap import compute_interval
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.track_io import Recording, load_recordings
+from scenewright.tools.track_io.recording import TRAJNET_EVERY
 from scenewright.tools.track_io.taf_bw import SMOOTHING, read_taf_bw
-from scenewright.tools.track_io.windows import TRAJNET_EVERY
 
 LEAD = 1
 """Steps before a goal is due from which the next one counts; chosen on validation hours."""

@@ -124,7 +124,7 @@ def _hand_out(
     as_json: bool,
     observations: str | None,
 ) -> None:
-    from scenewright.evals.understanding.report import format_report
+    from scenewright.evals.understanding.evaluate import format_report
     from scenewright.evals.understanding.scoring import DEFINITION
 
     name = cases[0].record.meta.intersection

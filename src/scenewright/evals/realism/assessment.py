@@ -1,7 +1,7 @@
 """Assess data sets against real tracks: every measure of realism in one report.
 
 `scenewright evals realism SET... --real NAME=PATH...` prints it. What is measured is in
-`two_sample`, `motion_windows`, `street_measures` and `likelihood`; what is read in `sources`.
+`two_sample`, `street_measures` and `likelihood`; what is read in `sources`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from scenewright.evals.bootstrap import Figure
 from scenewright.evals.markdown import format_table
 from scenewright.evals.realism.likelihood import FEATURES, measure_features, score_likelihood
-from scenewright.evals.realism.motion_windows import Windows, cut_windows, find_constant_speed
 from scenewright.evals.realism.sources import TrackSource
 from scenewright.evals.realism.street_measures import (
     MEASURES,
@@ -26,7 +25,14 @@ from scenewright.evals.realism.street_measures import (
     find_reactions,
 )
 from scenewright.evals.realism.tracking_jitter import add_jitter, measure_tracking_jitter
-from scenewright.evals.realism.two_sample import Separability, compare_windows, split_halves
+from scenewright.evals.realism.two_sample import (
+    Separability,
+    Windows,
+    compare_windows,
+    cut_windows,
+    find_constant_speed,
+    split_halves,
+)
 from scenewright.scene.base import AgentClass, FloatArray
 
 CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from scenewright.evals.realism.motion_windows import SMOOTHING, TRIMMED
 from scenewright.evals.realism.sources import Stretch
+from scenewright.evals.realism.two_sample import SMOOTHING, TRIMMED
 from scenewright.geometry.kinematics import smooth
 from scenewright.geometry.map_areas import geos, merge_areas
 from scenewright.geometry.polyline import interpolate_points

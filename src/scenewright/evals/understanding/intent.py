@@ -67,10 +67,8 @@ class RoutePosterior:
 def infer_routes(observation: ObservedScene) -> dict[str, RoutePosterior]:
     """Compute the posterior of every observed agent."""
     place, hour = observation.intersection, observation.hour
-    return {
-        agent.id: _infer_route(agent, load_components(place, agent.type), hour)
-        for agent in observation.agents
-    }
+    agents = ((agent, load_components(place, agent.type)) for agent in observation.agents)
+    return {agent.id: _infer_route(agent, components, hour) for agent, components in agents}
 
 
 def _infer_route(agent: ObservedAgent, components: RouteComponents, hour: int) -> RoutePosterior:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 
@@ -65,15 +65,6 @@ def build_interaction_graph(forecast: SceneForecast) -> InteractionGraph:
         exits = [route.exit for route in posterior.components.routes]
         _, codes = np.unique(exits, return_inverse=True)
         maneuvers.append(np.asarray(2 * codes[future.component] + future.runs))
-    beliefs = _propagate_beliefs(futures, gaps, tuple(maneuvers))
-    return InteractionGraph(gaps, late, tuple(maneuvers), beliefs)
-
-
-def _propagate_beliefs(
-    futures: tuple[AgentForecast, ...],
-    gaps: Mapping[AgentPair, TimeGaps],
-    maneuvers: tuple[IntArray, ...],
-) -> dict[AgentPair, FloatArray]:
     near = {
         pair: (np.abs(each.gap) <= CLOSE) & (each.angle >= CROSSING) for pair, each in gaps.items()
     }
@@ -89,9 +80,11 @@ def _propagate_beliefs(
                 risk = (part / np.maximum(whole, 1e-12))[maneuvers[n]]
                 messages[n, m] = 1.0 - _AVOIDANCE * risk
     beliefs = [_collect(n, messages, future.weight) for n, future in enumerate(futures)]
-    order = range(len(futures))
-    without = {(n, m): beliefs[n] / messages.get((n, m), 1.0) for n in order for m in order}
-    return {pair: np.asarray(weight / weight.sum()) for pair, weight in without.items()}
+    # Without the message of the other, whose interaction with it is the question.
+    pairs = product(range(len(futures)), repeat=2)
+    without = {(n, m): beliefs[n] / messages.get((n, m), 1.0) for n, m in pairs}
+    weights = {pair: np.asarray(weight / weight.sum()) for pair, weight in without.items()}
+    return InteractionGraph(gaps, late, tuple(maneuvers), weights)
 
 
 def _collect(n: int, messages: Mapping[AgentPair, FloatArray], weight: FloatArray) -> FloatArray:

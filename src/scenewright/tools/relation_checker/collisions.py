@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
@@ -99,14 +99,8 @@ def _find_impact_point(track: Trajectory, along: float, across: float) -> Impact
     end: Literal["front", "rear"] = "front" if along > 0 else "rear"
     side: Literal["left", "right"] = "left" if across > 0 else "right"
     if from_end <= 0 and from_side <= 0:
-        return _CORNERS[end, side]
+        return cast(ImpactPoint, f"{end}_{side}")
     return end if from_end <= min(from_side, 0.0) or from_end < from_side else side
-
-
-_CORNERS: dict[tuple[str, str], ImpactPoint] = {
-    ("front", "left"): "front_left", ("front", "right"): "front_right",
-    ("rear", "left"): "rear_left", ("rear", "right"): "rear_right",
-}  # fmt: skip
 
 
 def is_impact_at(asked: ImpactPoint, seen: ImpactPoint | None) -> bool:

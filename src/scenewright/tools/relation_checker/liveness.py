@@ -8,8 +8,8 @@ import numpy as np
 
 from scenewright.scene.events import Finding
 from scenewright.tools.relation_checker.events import SceneObservation
-from scenewright.tools.relation_checker.standstills import find_standstills
 from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.yielding import STANDING
 
 MOST_ON_GREEN = 4.0
 """How long an agent may stand on green with nobody before it [s]."""
@@ -76,3 +76,18 @@ def _is_blocked(track: Trajectory, first: float, last: float, tracks: Sequence[T
         if np.any((along > 0.0) & (along < ahead + track.nose) & (beside < aside)):
             return True
     return False
+
+
+LEAST_STAND = 0.5
+"""A shorter standstill is none [s]."""
+
+
+def find_standstills(track: Trajectory) -> list[tuple[float, float]]:
+    """From when to when an agent stands [s], in order."""
+    slow = np.concatenate(([False], track.speed <= STANDING, [False]))
+    edges = np.flatnonzero(slow[1:] != slow[:-1])
+    spans = [
+        (float(track.times[begin]), float(track.times[end - 1]))
+        for begin, end in edges.reshape(-1, 2)
+    ]
+    return [each for each in spans if each[1] - each[0] >= LEAST_STAND - 1e-6]

@@ -96,26 +96,20 @@ def _measure_lane_change(
     Args:
         later: until how long after the event it may still be coming over [s].
     """
-    apart = _measure_aside(first, second)
-    before = [d for t, d in apart if time - CHANGES <= t <= time]
-    after = [d for t, d in apart if abs(t - time) <= later + 0.15]
-    if not before or not after or max(before) < OTHER_LANE:
-        return None
-    changed = max(before) - min(after)
-    return changed if changed >= LEAST_CHANGE else None
-
-
-def _measure_aside(first: Trajectory, second: Trajectory) -> list[tuple[float, float]]:
-    """Times [s] at which the first is beside the other's way, which goes on a little straight at
-    both ends, and how far from it [m]; who is farther ahead or behind is in no lane of that way."""
+    # The way goes on a little straight at both ends; who is farther ahead or behind is in no lane
+    # of it.
     ends = second.heading[[0, -1]]
     on = GOES_ON * np.stack((np.cos(ends), np.sin(ends)), axis=1)
     way = geos.LineString(np.vstack((second.xy[:1] - on[:1], second.xy, second.xy[-1:] + on[1:])))
     points = geos.points(first.xy)
-    along = geos.line_locate_point(way, points)
+    along, away = geos.line_locate_point(way, points), geos.distance(way, points)
     beside = (along > 1e-6) & (along < way.length - 1e-6)
-    away = geos.distance(way, points)
-    return list(zip(first.times[beside].tolist(), away[beside].tolist(), strict=True))
+    before = away[beside & (first.times >= time - CHANGES) & (first.times <= time)]
+    after = away[beside & (np.abs(first.times - time) <= later + 0.15)]
+    if not len(before) or not len(after) or before.max() < OTHER_LANE:
+        return None
+    changed = float(before.max() - after.min())
+    return changed if changed >= LEAST_CHANGE else None
 
 
 def describe_lead_braking(
@@ -125,10 +119,13 @@ def describe_lead_braking(
     since, until = event.time - SOON.get(event.type, 0.0), event.time
     if event.type == "follow":
         until = float(event.evidence["until"])
-    onset = _find_hard_braking(leader, since, until)
+    hard = np.flatnonzero((leader.acceleration < -HARD) & _is_between(leader, since, until))
     ids = observed.ids
     lane = next((each for each in observed.lanes if ids[each.follower] == follower.id), None)
-    if onset is None or lane is None:
+    if not len(hard) or lane is None:
+        return None
+    onset = float(leader.times[hard[0]])
+    if leader.speed[_is_between(leader, onset - 1.5, onset)].max() < MOVING:
         return None
     # No other vehicle drives between the two in one lane as it begins to brake.
     k = int(np.argmin(np.abs(lane.times - onset)))
@@ -142,16 +139,6 @@ def describe_lead_braking(
     hardest = -float(leader.acceleration[_is_between(leader, onset, until)].min())
     what = f"agent {leader.id} brakes at {hardest:.1f} m/s² from {onset:.1f} s on"
     return f"{what}, ahead of agent {follower.id}"
-
-
-def _find_hard_braking(track: Trajectory, since: float, until: float) -> float | None:
-    """When it begins to brake hard from a drive [s]; None if it does not in that span."""
-    hard = np.flatnonzero((track.acceleration < -HARD) & _is_between(track, since, until))
-    if len(hard) == 0:
-        return None
-    onset = float(track.times[hard[0]])
-    driven = track.speed[_is_between(track, onset - 1.5, onset)]
-    return onset if float(driven.max()) >= MOVING else None
 
 
 def _is_between(track: Trajectory, since: float, until: float) -> BoolArray:

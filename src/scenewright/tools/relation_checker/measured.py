@@ -15,8 +15,8 @@ from scenewright.scene.record import MeasureRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.liveness import find_standstills
 from scenewright.tools.relation_checker.planar import geos
-from scenewright.tools.relation_checker.standstills import find_standstills
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 KEPT = 1.0

@@ -16,8 +16,8 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.liveness import find_standstills
 from scenewright.tools.relation_checker.signals import SignalPlan
-from scenewright.tools.relation_checker.standstills import find_standstills
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
 

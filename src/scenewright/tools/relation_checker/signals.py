@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -81,8 +81,15 @@ class SignalPlan:
         """Finds the crossings of many movers in one pass, far cheaper than one by one."""
         found: dict[Trajectory, list[tuple[float, str]]] = {track: [] for track in tracks}
         if self._map is not None and self._spans:
-            for track, time, name in self._lines.find_passages([m for m in tracks if m.is_vehicle]):
-                found[track].append((time, name))
+            # When the middle of a vehicle's front bumper passes a line, towards the junction.
+            drivers = [m for m in tracks if m.is_vehicle]
+            xy, heading, origin = concatenate_samples(drivers)
+            half = np.repeat([m.half_length for m in drivers], np.diff(origin))
+            front = np.stack((xy[:, 0] + half * np.cos(heading), xy[:, 1] + half * np.sin(heading)))
+            names, *lines = self._lines
+            for line, m, i, part in _find_passages(front, origin, *lines) if drivers else ():
+                time = float(drivers[m].times[i]) + STEP * part
+                found[drivers[m]].append((time, names[line]))
             walkers = [m for m in tracks if m.is_rider or not m.is_vehicle]
             # Pedestrians and riders that enter a crosswalk and go at least 2 m across. Who begins
             # inside steps into it then: on red it cannot be known to have come on green.
@@ -101,7 +108,10 @@ class SignalPlan:
             )
 
     @cached_property
-    def _lines(self) -> _StopLines:
+    def _lines(
+        self,
+    ) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Ids of the stop lines, and what `_find_passages` asks of them."""
         lines = [e for e in (self._map.stop_lines if self._map else ()) if e.id in self._spans]
         bearing = {leg.name: leg.bearing for leg in (self._map.legs if self._map else ())}
         ends = np.array([line.line for line in lines]).reshape(-1, 2, 2)
@@ -110,11 +120,9 @@ class SignalPlan:
         outward = np.array([bearing.get(line.leg, np.nan) for line in lines], dtype=np.float64)
         left = np.sign(way[:, 0] * np.sin(outward) - way[:, 1] * np.cos(outward))
         left_hand = self._map is not None and self._map.left_hand_traffic
-        return _StopLines(
-            ids=tuple(line.id for line in lines), start=ends[:, 0], length=length,
-            along=way / np.maximum(length, 1e-9)[:, None], outward=outward,
-            left=np.nan_to_num(-left if left_hand else left),
-        )  # fmt: skip
+        along = way / np.maximum(length, 1e-9)[:, None]
+        left = np.nan_to_num(-left if left_hand else left)
+        return tuple(line.id for line in lines), ends[:, 0], along, length, left, outward
 
     def find_red_crossings(self, track: Trajectory) -> tuple[LightCrossing, ...]:
         """Crossings on red."""
@@ -171,39 +179,6 @@ class SignalPlan:
         return [(e.start, e.end) for e in self._spans.get(light, ()) if e.colour == "green"]
 
 
-@dataclass(frozen=True, eq=False)
-class _StopLines:
-    """Stop lines that are asked about together.
-
-    Attributes:
-        ids: L of them; start: [L, 2] one end [m]; along: [L, 2] unit vector to the other end.
-        length: [L] [m]; outward: [L] bearing of each leg [rad], NaN if the map lacks the leg.
-        left: [L] 1 where the other half of the road lies past the end, -1 before the start, 0 if
-            unknown; it is as wide as the line is long.
-    """
-
-    ids: tuple[str, ...]
-    start: FloatArray
-    along: FloatArray
-    length: FloatArray
-    outward: FloatArray
-    left: FloatArray
-
-    def find_passages(
-        self, tracks: Sequence[Trajectory]
-    ) -> Iterator[tuple[Trajectory, float, str]]:
-        """When the middle of whose front bumper passes which line, towards the junction."""
-        if not tracks:
-            return
-        xy, heading, origin = concatenate_samples(tracks)
-        half = np.repeat([m.half_length for m in tracks], np.diff(origin))
-        front = np.stack((xy[:, 0] + half * np.cos(heading), xy[:, 1] + half * np.sin(heading)))
-        for line, m, i, part in _find_passages(
-            front, origin, self.start, self.along, self.length, self.left, self.outward
-        ):
-            yield tracks[m], float(tracks[m].times[i]) + STEP * part, self.ids[line]
-
-
 @compiled
 def _find_passages(
     front: FloatArray,
@@ -217,8 +192,11 @@ def _find_passages(
     """Line, mover, its sample before and the part of the step at which it passes.
 
     Args:
-        front: [2, S] middles of the front bumpers [m]; origin: where each mover's begin; the rest:
-            see `_StopLines`.
+        front: [2, S] middles of the front bumpers [m]; origin: where each mover's begin.
+        start: [L, 2] one end of each line [m]; along: [L, 2] unit vector to the other end.
+        length: [L] [m]; left: [L] 1 where the other half of the road, as wide as the line is long,
+            lies past the end, -1 before the start, 0 if unknown.
+        outward: [L] bearing of each leg [rad], NaN if the map lacks the leg.
     """
     found = [(0, 0, 0, 0.0) for _ in range(0)]
     for line in range(len(start)):

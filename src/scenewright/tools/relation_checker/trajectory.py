@@ -362,50 +362,29 @@ def build_trajectory(user: RoadUser, *, offset: float = 0.0) -> Trajectory:
     ones by cubic Hermite splines through the samples. Ends that lie between two times of the grid
     are continued straight on to the next of them, so that nothing of a track is lost.
     """
-    track, heading = user.track, unwrap_angles(user.track.heading)
-    first = round((track.start - offset) / STEP)
-    if abs(track.step - STEP) < 1e-9 and abs(track.start - offset - first * STEP) < ON_GRID:
-        return _assemble_trajectory(user, offset + first * STEP, track.xy, heading)
-    first = math.floor((track.start - offset + ON_GRID) / STEP)
-    last = math.ceil((track.end - offset - ON_GRID) / STEP)
-    times = offset + STEP * np.arange(first, max(last, first) + 1)
-    wanted = (times - track.start) / track.step
-    position = np.minimum(np.maximum(wanted, 0.0), len(heading) - 1.0)
-    xy = (
-        _interpolate_hermite(track.xy, position)
-        if track.step > STEP
-        else _interpolate_linearly(track.xy, position)
-    )
-    if len(heading) > 1:
-        for k, edge in ((0, slice(0, 2)), (-1, slice(-2, None))):
-            beyond = (wanted[k] - position[k]) * np.diff(track.xy[edge], axis=0)[0]
-            xy[k] += beyond
-    turned = np.interp(position, np.arange(len(heading)), heading)
-    return _assemble_trajectory(user, offset + first * STEP, xy, turned)
-
-
-def _assemble_trajectory(
-    user: RoadUser, start: float, xy: FloatArray, heading: FloatArray
-) -> Trajectory:
-    shape = user.shape
+    track, shape, heading = user.track, user.shape, unwrap_angles(user.track.heading)
+    first, xy = round((track.start - offset) / STEP), track.xy
+    even = abs(track.step - STEP) < 1e-9 and abs(track.start - offset - first * STEP) < ON_GRID
+    if not even:
+        first = math.floor((track.start - offset + ON_GRID) / STEP)
+        last = math.ceil((track.end - offset - ON_GRID) / STEP)
+        times, grid = offset + STEP * np.arange(first, max(last, first) + 1), np.arange(len(xy))
+        wanted = (times - track.start) / track.step
+        position = np.minimum(np.maximum(wanted, 0.0), len(heading) - 1.0)
+        if track.step > STEP and len(xy) > 2:
+            slope, low = np.gradient(xy, axis=0), np.minimum(position.astype(np.intp), len(xy) - 2)
+            u = (position - low)[:, None]
+            xy = np.asarray(
+                (1 + 2 * u) * (1 - u) ** 2 * xy[low] + u * (1 - u) ** 2 * slope[low]
+                + u**2 * (3 - 2 * u) * xy[low + 1] + u**2 * (u - 1) * slope[low + 1]
+            )  # fmt: skip
+        else:
+            xy = np.stack([np.interp(position, grid, xy[:, k]) for k in (0, 1)], axis=1)
+        for k, edge in ((0, slice(0, 2)), (-1, slice(-2, None))) if len(heading) > 1 else ():
+            xy[k] += (wanted[k] - position[k]) * np.diff(track.xy[edge], axis=0)[0]
+        heading = np.interp(position, grid, heading)
+    start = offset + first * STEP
     return Trajectory(user.id, shape.type, shape.length, shape.width, start, xy, heading)
-
-
-def _interpolate_linearly(xy: FloatArray, position: FloatArray) -> FloatArray:
-    grid = np.arange(len(xy))
-    return np.stack([np.interp(position, grid, xy[:, k]) for k in (0, 1)], axis=1)
-
-
-def _interpolate_hermite(xy: FloatArray, position: FloatArray) -> FloatArray:
-    if len(xy) < 3:
-        return _interpolate_linearly(xy, position)
-    slope = np.gradient(xy, axis=0)
-    low = np.minimum(position.astype(np.intp), len(xy) - 2)
-    u = (position - low)[:, None]
-    return np.asarray(
-        (1 + 2 * u) * (1 - u) ** 2 * xy[low] + u * (1 - u) ** 2 * slope[low]
-        + u**2 * (3 - 2 * u) * xy[low + 1] + u**2 * (u - 1) * slope[low + 1]
-    )  # fmt: skip
 
 
 def build_trajectories(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Trajectory, ...]:

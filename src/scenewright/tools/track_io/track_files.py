@@ -39,6 +39,11 @@ from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3
 """Of positions [s], as for every real track."""
+_KNOWN = (
+    *PATTERNS, "vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt",
+    "*.xosc", "*.cr.xml", "sd_*.pkl", "*.tfrecord*", "scenario_*.parquet", "*.mcap",
+)  # fmt: skip
+"""Names of the files of tracks in a folder."""
 _LONGEST_GAP = 0.6
 """Samples farther apart are a gap [s]; 2.5 Hz, the coarsest of the formats, is 0.4."""
 
@@ -97,29 +102,19 @@ def read_track_files(
         InputError: nothing there, or a file that cannot be read; the line is named.
     """
     dataset = None if named is None else get_format(named)
-    files = [file for path in paths for file in _list_files(Path(path), dataset)]
+    patterns = _KNOWN if dataset is None else [glob for glob, _ in dataset.files]
+    files: list[Path] = []
+    for path in map(Path, paths):
+        if not path.exists():
+            raise InputError(f"cannot read {path}: there is no such file or folder")
+        inside = {file for pattern in patterns for file in path.rglob(pattern)}
+        files += [path] if path.is_file() else sorted(inside)
     # Pedestrians whose file lies beside that of the vehicles belong to the same recording.
     beside = {find_partner(file) for file in files}
     files = [file for file in files if file not in beside]
     if not files:
         raise InputError(f"no tracks in {', '.join(map(str, paths))[:200]}")
     return [tracks for file in files for tracks in _read(file, columns, scale, dataset)]
-
-
-def _list_files(path: Path, dataset: DatasetFormat | None) -> list[Path]:
-    if not path.exists():
-        raise InputError(f"cannot read {path}: there is no such file or folder")
-    if path.is_file():
-        return [path]
-    if dataset is not None:
-        return sorted({file for glob, _ in dataset.files for file in path.rglob(glob)})
-    known = (
-        *PATTERNS,
-        "vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt",
-        "*.xosc", "*.cr.xml", "sd_*.pkl", "*.tfrecord*", "scenario_*.parquet",
-        "*.mcap",
-    )  # fmt: skip
-    return sorted({file for pattern in known for file in path.rglob(pattern)})
 
 
 def _read(
