@@ -100,11 +100,7 @@ def describe_exits(
 
 
 def weigh_exits(
-    agent: ObservedAgent,
-    posterior: RoutePosterior,
-    sides: Sequence[str],
-    *,
-    window: float,
+    agent: ObservedAgent, posterior: RoutePosterior, sides: Sequence[str], *, window: float
 ) -> FloatArray:
     """[E] probability of every side of the map."""
     candidates = describe_exits(agent, posterior, sides, window)

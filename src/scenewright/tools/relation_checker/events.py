@@ -338,11 +338,7 @@ class _EventSearch:
         return None if zone is None else self._find_yield_at(zone, giver, other)
 
     def _find_yield_at(
-        self,
-        zone: Area,
-        giver: Trajectory,
-        other: Trajectory,
-        real_end: float | None = None,
+        self, zone: Area, giver: Trajectory, other: Trajectory, real_end: float | None = None
     ) -> YieldEvent | None:
         stay, passing = (find_zone_occupancy(each, zone) for each in (giver, other))
         if stay is None or passing is None:

@@ -33,9 +33,7 @@ def list_group_pairs(
 
 
 def find_group_events(
-    relations: Sequence[RelationRecord],
-    events: Sequence[Event],
-    groups: dict[int, tuple[int, ...]],
+    relations: Sequence[RelationRecord], events: Sequence[Event], groups: dict[int, tuple[int, ...]]
 ) -> frozenset[int]:
     """Positions of the events of other members that their group's relation asks for as well."""
     wanted = {

@@ -177,11 +177,7 @@ def _report_place(each: ObjectRecord, what: str) -> Finding:
 
 
 def check_sights(
-    scene: SceneRecord,
-    events: Sequence[Event],
-    observed: SceneObservation,
-    *,
-    left_hand: bool,
+    scene: SceneRecord, events: Sequence[Event], observed: SceneObservation, *, left_hand: bool
 ) -> tuple[list[dict[str, Any]], tuple[Finding, ...]]:
     """What was measured of every line of sight that was to be blocked, and what is not so.
 

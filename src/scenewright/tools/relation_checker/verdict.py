@@ -59,11 +59,7 @@ from scenewright.tools.relation_checker.plausibility import (
     check_motion_limits,
     find_extremes,
 )
-from scenewright.tools.relation_checker.pushes import (
-    cut_pushed,
-    list_chained,
-    list_pushed,
-)
+from scenewright.tools.relation_checker.pushes import cut_pushed, list_chained, list_pushed
 from scenewright.tools.relation_checker.reactions import (
     Sights,
     find_false_reactions,

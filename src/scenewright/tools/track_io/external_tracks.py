@@ -62,15 +62,9 @@ COURSE = {"vehicle": 0.5, "pedestrian": 0.2, "cyclist": 0.5, "scooter": 0.5}
 """Way over which the course is measured, and within 1 s the least that counts as motion [m]."""
 TRAJNET_FPS = 2.5
 
-_CAR = get_vehicle_shape("car")
-_SHAPES = {
-    "car": _CAR,
-    "truck": get_vehicle_shape("truck"),
-    "bus": get_vehicle_shape("bus"),
-    "motorcycle": get_vehicle_shape("motorcycle"),
-    "bicycle": get_rider_shape("cyclist"),
-    "pedestrian": PEDESTRIAN,
-}
+
+_SHAPES = {each: get_vehicle_shape(each) for each in ("car", "truck", "bus", "motorcycle")}
+_SHAPES |= {"bicycle": get_rider_shape("cyclist"), "pedestrian": PEDESTRIAN}
 """Footprints by subtype (SEMANTICS sections 1 and 8)."""
 _REQUIRED = ("t", "id", "class", "x", "y")
 _OPTIONAL = ("heading", "length", "width")
@@ -82,15 +76,16 @@ class _AgentRows:
 
     subtype: str
     lines: array[int] = field(default_factory=lambda: array("q"))
-    t: array[float] = field(default_factory=lambda: array("d"))
-    x: array[float] = field(default_factory=lambda: array("d"))
-    y: array[float] = field(default_factory=lambda: array("d"))
-    heading: array[float] = field(default_factory=lambda: array("d"))
-    length: array[float] = field(default_factory=lambda: array("d"))
-    width: array[float] = field(default_factory=lambda: array("d"))
+    columns: dict[str, array[float]] = field(
+        default_factory=lambda: {name: array("d") for name in ("t", "x", "y", *_OPTIONAL)}
+    )
+
+    @property
+    def t(self) -> array[float]:
+        return self.columns["t"]
 
     def get_column(self, name: str) -> FloatArray:
-        return np.array(getattr(self, name), dtype=np.float64)
+        return np.array(self.columns[name], dtype=np.float64)
 
 
 @dataclass(eq=False)
@@ -138,10 +133,8 @@ class _Table:
                         f"{rows.t[-1]:.13g}; sort the rows by time, and give each agent an id of "
                         "its own")  # fmt: skip
         rows.lines.append(line)
-        for name in ("t", "x", "y"):
-            getattr(rows, name).append(values[name])
-        for name in _OPTIONAL:
-            getattr(rows, name).append(values.get(name, math.nan))
+        for name, column in rows.columns.items():
+            column.append(values.get(name, math.nan))
 
 
 def read_tracks(data: bytes, *, name: str) -> ExternalTracks:
@@ -239,7 +232,18 @@ def read_csv(text: str, *, name: str) -> ExternalTracks:
     rows = _iterate_csv_rows(text, name)
     first, header = next(rows, (1, [""]))
     table = _Table(name)
-    columns = _find_columns(header, first, table)
+    names = [cell.strip().lower() for cell in header]
+    missing = [column for column in _REQUIRED if column not in names]
+    if missing:
+        given = _crop(", ".join(name for name in names if name), limit=120)
+        table.refuse(first, f"no column {', '.join(missing)}; the header must name "
+                     f"{', '.join(_REQUIRED)} and may name {', '.join(_OPTIONAL)}, "
+                     f"it names {given or 'none'}")  # fmt: skip
+    known = [column for column in (*_REQUIRED, *_OPTIONAL) if column in names]
+    twice = [column for column in known if names.count(column) > 1]
+    if twice:
+        table.refuse(first, f"column {twice[0]} is there twice; keep one")
+    columns = {column: names.index(column) for column in known}
     for line, cells in rows:
         if len(cells) != len(header):
             hint = f"; {SEPARATE}" if len(cells) > len(header) else ""
@@ -268,21 +272,6 @@ def _iterate_csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
                 yield reader.line_num, cells
     except csv.Error as error:
         raise InputError(f"{name}, line {reader.line_num}: {error}; mend the quotes") from error
-
-
-def _find_columns(header: list[str], line: int, table: _Table) -> dict[str, int]:
-    """Where the columns stand that are read."""
-    names = [cell.strip().lower() for cell in header]
-    missing = [column for column in _REQUIRED if column not in names]
-    if missing:
-        given = _crop(", ".join(name for name in names if name), limit=120)
-        table.refuse(line, f"no column {', '.join(missing)}; the header must name "
-                     f"{', '.join(_REQUIRED)} and may name {', '.join(_OPTIONAL)}, "
-                     f"it names {given or 'none'}")  # fmt: skip
-    twice = [column for column in (*_REQUIRED, *_OPTIONAL) if names.count(column) > 1]
-    if twice:
-        table.refuse(line, f"column {twice[0]} is there twice; keep one")
-    return {column: names.index(column) for column in (*_REQUIRED, *_OPTIONAL) if column in names}
 
 
 def _check_subtype(cell: object, line: int, table: _Table) -> str:
