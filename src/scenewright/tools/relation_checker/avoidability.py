@@ -93,8 +93,20 @@ def _compute_needed_braking(
     way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))))
     path = _go_straight_on(way, xy, heading, float(agent.s[k]) + ahead)
     room = _find_room(*path, agent.box, *course, other.box)
+    # How far it may have come, `due` seconds later; with a millimetre of slack: an agent that just
+    # clears the other does not need to brake.
     due = times + lag - begin
-    return tuple(_find_least_braking(speed, room, due, delay) for delay in (0.0, REACTION))  # type: ignore[return-value]
+    bound = (due >= 0.0) & ((room <= 0.0) | (speed * due > room + 1e-3))
+    needed: list[float | None] = []
+    for delay in (0.0, REACTION):
+        left, time = room[bound] - speed * delay, due[bound] - delay
+        if (left <= 0.0).any() or (time <= 0.0).any():
+            needed.append(None)
+            continue
+        slowing, stopping = 2.0 * (speed * time - left) / time**2, speed**2 / (2.0 * left)
+        least = np.where(slowing * time <= speed, slowing, stopping)
+        needed.append(round(float(least.max(initial=0.0)), 3))
+    return needed[0], needed[1]
 
 
 def _cut(track: Trajectory, until: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -118,27 +130,6 @@ def _go_straight_on(
     beyond = speed * np.maximum(at - known[-1], 0.0)[:, None] * ahead
     there = np.stack([np.interp(at, known, xy[:, axis]) for axis in (0, 1)], axis=1)
     return there + beyond, np.interp(at, known, heading)
-
-
-def _find_least_braking(
-    speed: float, room: FloatArray, due: FloatArray, delay: float
-) -> float | None:
-    """The least constant braking [m/s^2] with which an agent is never too far; None without one.
-
-    Args:
-        speed: [m/s]; room: [T] how far it may have come [m], `due` [T] seconds later.
-        delay: how long it drives on before it brakes [s].
-    """
-    # A millimetre of slack: an agent that just clears the other does not need to brake.
-    bound = (due >= 0.0) & ((room <= 0.0) | (speed * due > room + 1e-3))
-    if not bound.any():
-        return 0.0
-    left, time = room[bound] - speed * delay, due[bound] - delay
-    if (left <= 0.0).any() or (time <= 0.0).any():
-        return None
-    slowing, stopping = 2.0 * (speed * time - left) / time**2, speed**2 / (2.0 * left)
-    needed = np.where(slowing * time <= speed, slowing, stopping)
-    return round(float(needed.max()), 3)
 
 
 @compiled

@@ -66,7 +66,6 @@ from scenewright.tools.relation_checker.yielding import (
     LIMITS,
     MAX_PET,
     RESUME_WITHIN,
-    YieldContext,
     YieldEvent,
     ZonePassage,
     find_yield,
@@ -243,7 +242,16 @@ class _EventSearch:
         """Collisions, yields and near misses."""
         found: list[Event] = []
         braked = self._find_braked_pairs()
-        for row in self._list_rows(braked):
+        # Rows of the pairs that may have an event; many others never have to do with another.
+        asked = [(self._index[a], self._index[b]) for a, b in self.asked]
+        waits = np.array(self._cut_off, dtype=np.bool_)[self.grid.pairs]
+        wanted = self.grid.find_rows(self.by_pair) | self._crossed.any(axis=1)
+        wanted |= waits.any(axis=1) & self.grid.find_rows(asked)
+        # One rides, the other drives.
+        wheels = np.array([m.is_rider - 0.5 if m.is_vehicle else 0.0 for m in self.tracks])
+        wanted |= (wheels[self.grid.pairs].prod(axis=1) < 0.0) & np.isfinite(self.near.least)
+        wanted[[*self.near.contacts, *braked]] = True
+        for row in np.flatnonzero(wanted).tolist():
             i, j = self.grid.pairs[row].tolist()
             first, second = self.tracks[i], self.tracks[j]
             ids = first.id, second.id
@@ -254,18 +262,6 @@ class _EventSearch:
                 full = not detailed.isdisjoint(ids)
                 found += self._find_encounter_events(row, (i, j), braked.get(row, ()), full)
         return found
-
-    def _list_rows(self, braked: Collection[int]) -> list[int]:
-        """Rows of the pairs that may have an event; many others never have to do with another."""
-        asked = [(self._index[a], self._index[b]) for a, b in self.asked]
-        waits = np.array(self._cut_off, dtype=np.bool_)[self.grid.pairs]
-        wanted = self.grid.find_rows(self.by_pair) | self._crossed.any(axis=1)
-        wanted |= waits.any(axis=1) & self.grid.find_rows(asked)
-        # One rides, the other drives.
-        wheels = np.array([m.is_rider - 0.5 if m.is_vehicle else 0.0 for m in self.tracks])
-        wanted |= (wheels[self.grid.pairs].prod(axis=1) < 0.0) & np.isfinite(self.near.least)
-        wanted[[*self.near.contacts, *braked]] = True
-        return np.flatnonzero(wanted).tolist()
 
     def _find_collision(self, row: int, first: Trajectory, second: Trajectory) -> list[Event]:
         contact = self.near.contacts[row]
@@ -361,13 +357,11 @@ class _EventSearch:
                 w.intersects(zone) and w.intersects(geos.Point(xy[0])) for w in walks
             )
 
-        around = YieldContext(
-            red=partial(self.lights.is_held, real), leader=has_leader,
-            excused=lambda t: self._waits_for_another(real, other, t),
-            on_crosswalk=is_on_crosswalk,
-        )  # fmt: skip
-        since = other.start if self.timely else None
-        return find_yield(ZonePassage(giver, stay, passing, around, real_end, since))
+        return find_yield(ZonePassage(
+            giver, stay, passing, red=partial(self.lights.is_held, real), leader=has_leader,
+            excused=lambda t: self._waits_for_another(real, other, t), real_end=real_end,
+            on_crosswalk=is_on_crosswalk, other_start=other.start if self.timely else None,
+        ))  # fmt: skip
 
     @cached_property
     def _index(self) -> dict[int, int]:

@@ -197,29 +197,11 @@ def _limit_steps(tracks: Sequence[Trajectory], origin: IntArray) -> _MotionLimit
 def check_ground(
     tracks: tuple[Trajectory, ...], intersection_map: IntersectionMap, *, jaywalkers: frozenset[int]
 ) -> tuple[Finding, ...]:
-    """Agents with less than 98 % of their positions where their class belongs."""
-    found = []
-    for track, share in zip(
-        tracks, compute_ground_shares(tracks, intersection_map, jaywalkers), strict=True
-    ):
-        if share < ON_ROAD:
-            where = "road" if track.is_vehicle else "walkable area and crosswalks"
-            where = "road, or on footways and crosswalks" if track.is_rider else where
-            found.append(Finding(
-                rule="off_road" if track.is_vehicle else "off_walkable", agents=(track.id,),
-                measured=round(share, 4), limit=ON_ROAD,
-                detail=f"{track.type} {track.id}: {share:.1%} of its positions on the {where}; "
-                f"at least {ON_ROAD:.0%}",
-            ))  # fmt: skip
-    return tuple(found)
+    """Agents with less than 98 % of their positions where their class belongs.
 
-
-def compute_ground_shares(
-    tracks: tuple[Trajectory, ...], intersection_map: IntersectionMap, jaywalkers: frozenset[int]
-) -> list[float]:
-    """Share of each agent's positions where its class belongs: a rider's on road or footways."""
-    ground = get_ground_raster(intersection_map)
-    shares = [0.0] * len(tracks)
+    That is the road, footways and crosswalks, or for riders either, and for jaywalkers any of both.
+    """
+    ground, shares = get_ground_raster(intersection_map), [0.0] * len(tracks)
     for area, chosen in (
         (ground.road, [n for n, m in enumerate(tracks) if m.is_vehicle]),
         (ground.walkable, [n for n, m in enumerate(tracks)
@@ -232,7 +214,18 @@ def compute_ground_shares(
             inside = np.add.reduceat(area.contains(xy), origin[:-1], dtype=np.float64)
             for n, share in zip(chosen, (inside / np.diff(origin)).tolist(), strict=True):
                 shares[n] = max(shares[n], share)
-    return shares
+    found = []
+    for track, share in zip(tracks, shares, strict=True):
+        if share < ON_ROAD:
+            where = "road" if track.is_vehicle else "walkable area and crosswalks"
+            where = "road, or on footways and crosswalks" if track.is_rider else where
+            found.append(Finding(
+                rule="off_road" if track.is_vehicle else "off_walkable", agents=(track.id,),
+                measured=round(share, 4), limit=ON_ROAD,
+                detail=f"{track.type} {track.id}: {share:.1%} of its positions on the {where}; "
+                f"at least {ON_ROAD:.0%}",
+            ))  # fmt: skip
+    return tuple(found)
 
 
 def find_extremes(tracks: tuple[Trajectory, ...]) -> dict[str, Any]:

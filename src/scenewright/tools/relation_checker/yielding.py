@@ -71,23 +71,6 @@ class YieldEvent:
     arrival: float
 
 
-@dataclass(frozen=True)
-class YieldContext:
-    """What else could hold an agent, asked only when it matters.
-
-    Attributes:
-        red: whether a red or yellow light holds it in a span of time.
-        leader: whether another agent ahead in its lane holds it at a time.
-        excused: whether another agent bound by a relation holds it, or a collision ended its track.
-        on_crosswalk: whether the other is on the crosswalk of the zone at a time.
-    """
-
-    red: Callable[[float, float], bool]
-    leader: Callable[[float], bool]
-    excused: Callable[[float], bool]
-    on_crosswalk: Callable[[float], bool]
-
-
 def find_slowing_start(speed: FloatArray, lowest: int, *, ripple: float) -> int:
     """Sample at which the slowing that ends at `lowest` begins.
 
@@ -152,7 +135,9 @@ class ZonePassage:
     Attributes:
         giver: with a guessed continuation after `real_end`, where that is given.
         stay, other: when the giver and the other are in the zone.
-        around: what else could hold the giver.
+        red, leader, excused: whether a red or yellow light holds the giver in a span of time [s];
+            another agent ahead in its lane, at a time; another one bound to it by a relation.
+        on_crosswalk: whether the other is on the crosswalk of the zone at a time.
         real_end: end of the giver's own track [s], if what follows is a guess.
         other_start: when the other's track begins [s]: no agent slows for an absent one; None
             where that, and braking for one that has gone, is not checked.
@@ -161,7 +146,10 @@ class ZonePassage:
     giver: Trajectory
     stay: ZoneOccupancy
     other: ZoneOccupancy
-    around: YieldContext
+    red: Callable[[float, float], bool]
+    leader: Callable[[float], bool]
+    excused: Callable[[float], bool]
+    on_crosswalk: Callable[[float], bool]
     real_end: float | None = None
     other_start: float | None = None
 
@@ -194,7 +182,7 @@ def is_held_throughout(
 ) -> bool:
     """Whether a light explains all of a giver's slowing up to a time, so that it does not yield.
 
-    Needs no zone, and therefore little time; see `find_yield` and `_is_held_otherwise`.
+    Needs no zone, and therefore little time; see `find_yield`.
     """
     times, last = giver.times, giver.index(until)
     for lowest in _find_lowest_points(giver, until):
@@ -258,7 +246,7 @@ def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
     arrival, leaving = np.interp(s, drive.s, drive.time).tolist()
     leaving = np.inf if passage.stay.ends_inside else leaving
     caused = arrival <= other.leave + MARGIN and leaving >= other.enter - MARGIN
-    if not (caused or passage.around.on_crosswalk(float(giver.times[begin]))):
+    if not (caused or passage.on_crosswalk(float(giver.times[begin]))):
         return None
     if passage.other_start is not None:
         # It slows for an agent not there yet, or is slowest once the other has gone.
@@ -270,8 +258,8 @@ def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
     end = giver.end if passage.real_end is None else passage.real_end
     after = (giver.times > giver.times[low]) & (giver.times <= min(limit, end) + 1e-6)
     resumes = giver.speed[after & (giver.times >= other.leave)] > limits.resumed
-    excused = end <= limit + 1e-6 or passage.around.red(other.leave, limit)
-    if not (resumes.any() or excused or passage.around.excused(limit)):
+    excused = end <= limit + 1e-6 or passage.red(other.leave, limit)
+    if not (resumes.any() or excused or passage.excused(limit)):
         return None
     until = max(giver.index(passage.until), low) + 1
     x, y = giver.xy[low]
@@ -283,7 +271,11 @@ def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
         enter=passage.stay.enter if passage.real_end is None else None,
         cleared=passage.other.leave, arrival=arrival,
     )  # fmt: skip
-    return None if _is_held_otherwise(found, passage.around) else found
+    if passage.red(found.begin, found.time):
+        return None
+    # A queue in its own lane explains the slowing.
+    last = max(found.time, min(found.cleared, found.enter or found.cleared))
+    return None if passage.leader(found.time) and passage.leader(last) else found
 
 
 def _find_slow_moment(
@@ -306,16 +298,6 @@ def _find_standstill(giver: Trajectory, begin: int, lowest: int, last: int) -> t
     before, after = moving[moving < lowest], moving[moving > lowest]
     first = int(before[-1]) + 1 if len(before) else begin
     return first, int(after[0]) - 1 if len(after) else last
-
-
-def _is_held_otherwise(yield_event: YieldEvent, around: YieldContext) -> bool:
-    """Whether a red light, or a queue in its own lane, explains the slowing."""
-    if around.red(yield_event.begin, yield_event.time):
-        return True
-    until = max(
-        yield_event.time, min(yield_event.cleared, yield_event.enter or yield_event.cleared)
-    )
-    return around.leader(yield_event.time) and around.leader(until)
 
 
 def is_leading(giver: Trajectory, other: Trajectory, *, time: float, before: float) -> bool:

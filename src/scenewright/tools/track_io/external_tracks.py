@@ -34,7 +34,7 @@ from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
 from scenewright.tools.track_io.passengers import describe_rides, leave_out_passengers
-from scenewright.tools.track_io.sampled_recording import SampledRecording, find_subtype
+from scenewright.tools.track_io.sampled_recording import find_subtype
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 from scenewright.tools.track_io.unit_checks import find_unit_doubts
@@ -163,34 +163,26 @@ def read_external_recordings(data: bytes, *, name: str) -> dict[str, ExternalTra
     """
     if find_reader(name) is None:
         return {"": read_tracks(data, name=name)}
-    recordings = read_simulator_file(data, name=name)
-    return {
-        each.name: build_sampled_tracks(each, name=f"{name} {each.name}".strip())
-        for each in recordings
-        if each.agents
-    }
-
-
-def build_sampled_tracks(recording: SampledRecording, *, name: str) -> ExternalTracks:
-    """The road users of one scenario of a simulator or motion dataset.
-
-    Raises:
-        InputError: names the agent's sample and what to mend.
-    """
-    table = _Table(name, unit="sample")
-    for agent in recording.agents:
-        for k, (t, (x, y)) in enumerate(zip(agent.t.tolist(), agent.xy.tolist(), strict=True)):
-            values = {"t": t, "x": x, "y": y}
-            if agent.heading is not None:
-                values["heading"] = float(agent.heading[k])
-            sizes = {"length": agent.length, "width": agent.width}
-            values |= {key: size for key, size in sizes.items() if size is not None}
-            checked = {key: _check_value(key, value, k, table) for key, value in values.items()}
-            table.add(k, agent.name, agent.subtype, checked)
-    tracks = _build_tracks(table, unit=1.0)
-    left_out = ", ".join(f"{n} {_crop(word) or '?'}" for word, n in recording.left_out.items())
-    notes = (f"left out, as no road users: {left_out}",) if left_out else ()
-    return replace(tracks, notes=(*tracks.notes, *recording.notes, *notes))
+    found = {}
+    for each in (
+        recording for recording in read_simulator_file(data, name=name) if recording.agents
+    ):
+        table = _Table(f"{name} {each.name}".strip(), unit="sample")
+        for agent in each.agents:
+            own = {"length": agent.length, "width": agent.width}
+            sizes = {key: size for key, size in own.items() if size is not None}
+            for k, (t, (x, y)) in enumerate(zip(agent.t.tolist(), agent.xy.tolist(), strict=True)):
+                values = {"t": t, "x": x, "y": y}
+                if agent.heading is not None:
+                    values["heading"] = float(agent.heading[k])
+                values |= sizes
+                checked = {key: _check_value(key, value, k, table) for key, value in values.items()}
+                table.add(k, agent.name, agent.subtype, checked)
+        tracks = _build_tracks(table, unit=1.0)
+        left_out = ", ".join(f"{n} {_crop(word) or '?'}" for word, n in each.left_out.items())
+        notes = (f"left out, as no road users: {left_out}",) if left_out else ()
+        found[each.name] = replace(tracks, notes=(*tracks.notes, *each.notes, *notes))
+    return found
 
 
 def decode_text(data: bytes, *, name: str) -> str:
