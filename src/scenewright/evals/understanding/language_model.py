@@ -224,8 +224,25 @@ def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> 
     if speed < 0.3:
         stood = int(np.argmax(agent.speed[::-1] >= 0.3)) if (agent.speed >= 0.3).any() else 0
         motion = f"standing{f' for {stood / 10:.0f} s' if stood >= 10 else ''}"
-    position = _describe_position(agent, intersection_map)
-    return f"{kind}, first seen {first}, now {position}, {motion}"
+    # How near the junction, and where it faces.
+    xy, heading = agent.xy[-1], float(agent.heading[-1])
+    facing = ("east", "north", "west", "south")[round(heading / (np.pi / 2)) % 4]
+    away = float(np.abs(xy).max())
+    if away < _JUNCTION:
+        place = "in or at the junction"
+    elif float(xy @ np.array([np.cos(heading), np.sin(heading)])) >= 0:
+        place = f"leaving on the {_find_side(xy)} leg"
+    else:
+        near = "near" if away < _JUNCTION + 12 else "far from"
+        place = f"on the {_find_side(xy)} approach, {near} the stop line"
+    for lane in intersection_map.lanelets if agent.type == "vehicle" else ():
+        # The inner or outer lane, where an approach has two.
+        if lane.kind == "approach" and lane.id.endswith((":inner", ":outer")):
+            line, half = np.array(lane.centreline), lane.width / 2
+            if ((xy >= line.min(axis=0) - half) & (xy <= line.max(axis=0) + half)).all():
+                place += f", in the {lane.id.rsplit(':', 1)[1]} lane"
+                break
+    return f"{kind}, first seen {first}, now {place}, facing {facing}, {motion}"
 
 
 def _find_side(xy: FloatArray) -> str:
@@ -233,25 +250,3 @@ def _find_side(xy: FloatArray) -> str:
     if abs(x) > abs(y):
         return "east" if x > 0 else "west"
     return "north" if y > 0 else "south"
-
-
-def _describe_position(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
-    """In words: how near the junction, and where it faces."""
-    xy, heading = agent.xy[-1], float(agent.heading[-1])
-    facing = ("east", "north", "west", "south")[round(heading / (np.pi / 2)) % 4]
-    middle = float(np.abs(xy).max())
-    inwards = float(xy @ np.array([np.cos(heading), np.sin(heading)])) < 0
-    if middle < _JUNCTION:
-        place = "in or at the junction"
-    elif not inwards:
-        place = f"leaving on the {_find_side(xy)} leg"
-    else:
-        near = "near" if middle < _JUNCTION + 12 else "far from"
-        place = f"on the {_find_side(xy)} approach, {near} the stop line"
-    for lane in intersection_map.lanelets if agent.type == "vehicle" else ():
-        # The inner or outer lane, where an approach has two.
-        if lane.kind == "approach" and lane.id.endswith((":inner", ":outer")):
-            line, half = np.array(lane.centreline), lane.width / 2
-            if ((xy >= line.min(axis=0) - half) & (xy <= line.max(axis=0) + half)).all():
-                return f"{place}, in the {lane.id.rsplit(':', 1)[1]} lane, facing {facing}"
-    return f"{place}, facing {facing}"

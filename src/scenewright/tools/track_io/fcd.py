@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from xml.parsers import expat
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from scenewright.tools.track_io.sampled_recording import (
     find_road_user,
     sort_out,
 )
+from scenewright.tools.track_io.xml_reading import walk_xml
 
 _Agent = tuple[str, tuple[float | None, float | None], list[tuple[float, float, float, float]]]
 _LENGTHS = {name: size[0] for name, size in VEHICLE_SIZES.items()} | {"bicycle": 1.8}
@@ -33,9 +33,6 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
     rides: dict[str, str] = {}
     now = 0.0
 
-    def refuse(*_: object) -> None:
-        raise InputError(f"{name} declares a document type or entities; no FCD needs them")
-
     def start(tag: str, row: dict[str, str]) -> None:
         nonlocal now
         try:
@@ -48,14 +45,7 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
         except (KeyError, ValueError):
             raise InputError(f"{name} has a {tag} without usable id, time, x, y") from None
 
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as fault:
-        raise InputError(f"{name} is not well-formed XML (line {fault.lineno})") from None
+    walk_xml(data, name=name, StartElementHandler=start)
     found = []
     for key, (subtype, size, rows) in agents.items():
         t, x, y, heading = np.array(rows).T
