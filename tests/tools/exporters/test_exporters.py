@@ -34,12 +34,14 @@ from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
 from scenewright.tools.track_io.external_tracks import read_external_recordings
 from scenewright.tools.track_io.osi import load_osi_classes
 from scenewright.tools.track_io.scenarionet import load_arrays
-from scenewright.tools.track_io.tfrecord import compute_masked_crc, read_records, write_records
 from scenewright.tools.track_io.womd import (
+    compute_masked_crc,
     load_example_class,
     load_scenario_class,
     read_example,
+    read_records,
     read_womd,
+    write_records,
 )
 
 

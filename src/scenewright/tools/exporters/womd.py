@@ -14,7 +14,7 @@ from scenewright.tools.exporters.womd_example import (
     is_predicted,
     write_example,
 )
-from scenewright.tools.track_io.tfrecord import write_records
+from scenewright.tools.track_io.womd import write_records
 from scenewright.tools.track_io.womd import load_scenario_class
 
 WINDOW, CURRENT, EVENT = 91, 10, 60

@@ -43,12 +43,12 @@ from scenewright.tools.relation_checker.contact import (
 from scenewright.tools.relation_checker.encroachment import Encounter, find_encounters
 from scenewright.tools.relation_checker.following import (
     LaneGaps,
+    find_close_overtaking,
     find_followings,
     measure_lane_gaps,
 )
 from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, double_room
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
-from scenewright.tools.relation_checker.overtaking import find_close_overtaking
 from scenewright.tools.relation_checker.planar import Area, geos
 from scenewright.tools.relation_checker.signals import SignalPlan
 from scenewright.tools.relation_checker.surrogates import (

@@ -108,39 +108,40 @@ def find_false_journeys(
     """
     if not intersection_map.routes:
         return ()
-    return tuple(
-        Finding(
-            rule="journey_contradicted", agents=(agent.id,),
-            detail=f"{agent.type} {agent.id}: {reason}",
-        )
-        for agent, track in zip(scene.agents, tracks, strict=True)
-        for reason in _find_misstatements(agent, track, intersection_map)
-    )  # fmt: skip
-
-
-def _find_misstatements(
-    agent: AgentRecord, track: Trajectory, intersection_map: IntersectionMap
-) -> Iterator[str]:
-    said = (_find_route_class(agent), agent.entry, agent.exit, agent.movement, agent.crosswalk)
-    routes = get_ground_raster(intersection_map).routes
-    if agent.route not in routes:
-        yield f"the map has no route {agent.route}"
-    elif said != routes[agent.route]:
-        yield f"its labels are not those of its route {agent.route}"
-    if not _is_goal_near_exit(agent, intersection_map):
-        yield f"its goal {agent.goal[0]:.0f}, {agent.goal[1]:.0f} is none of its exit"
-    if _find_route_class(agent) == "vehicle":
-        for word, label, seen in (
-            ("comes from", agent.entry, find_entry_leg(track, intersection_map)),
-            ("leaves to", agent.exit, find_exit_leg(track, intersection_map)),
-        ):
-            if seen is not None and seen != label:
-                yield f"it {word} the {seen}, its label says {label}"
-    elif not has_trait("motion", agent.motion, "returns"):
-        way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
-        east, north = (track.xy[-1] - track.xy[0]).tolist()
-        if way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS:
-            yield f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
+    routes, found = get_ground_raster(intersection_map).routes, list[Finding]()
+    for agent, track in zip(scene.agents, tracks, strict=True):
+        kind, reasons = _find_route_class(agent), list[str]()
+        if agent.route not in routes:
+            reasons.append(f"the map has no route {agent.route}")
+        elif routes[agent.route] != (
+            kind, agent.entry, agent.exit, agent.movement, agent.crosswalk
+        ):  # fmt: skip
+            reasons.append(f"its labels are not those of its route {agent.route}")
+        if not _is_goal_near_exit(agent, intersection_map):
+            x, y = agent.goal
+            reasons.append(f"its goal {x:.0f}, {y:.0f} is none of its exit")
+        if kind == "vehicle":
+            for word, label, seen in (
+                ("comes from", agent.entry, find_entry_leg(track, intersection_map)),
+                ("leaves to", agent.exit, find_exit_leg(track, intersection_map)),
+            ):
+                if seen is not None and seen != label:
+                    reasons.append(f"it {word} the {seen}, its label says {label}")
+        elif not has_trait("motion", agent.motion, "returns"):
+            way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
+            east, north = (track.xy[-1] - track.xy[0]).tolist()
+            if way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS:
+                reasons.append(
+                    f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
+                )
+        found += [
+            Finding(
+                rule="journey_contradicted", agents=(agent.id,),
+                detail=f"{agent.type} {agent.id}: {reason}",
+            )
+            for reason in reasons
+        ]  # fmt: skip
+    return tuple(found)
 
 
 def _find_route_class(agent: AgentRecord) -> AgentClass:
