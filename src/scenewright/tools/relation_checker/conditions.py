@@ -45,13 +45,33 @@ def find_unmet_condition(
 ) -> str | None:
     """Why an event of the right type and roles is not what the relation's file demands."""
     other_strikes = relation.strikes not in (None, event.from_)
-    return (
+    reason = (
         _check_bounds(relation, event)
         or _check_order(relation, event, observed)
         or (f"{event.from_} strikes, {relation.strikes} was to" if other_strikes else None)
         or find_missing_manoeuvre(relation, event, observed)
-        or _check_zone(relation, event, observed, intersection_map)
     )
+    zone, inside = relation.zone, True
+    first, second = observed.by_id[event.from_], observed.by_id[event.to]
+    if reason is not None:
+        return reason
+    if zone == "lane":
+        time = np.array([event.time])
+        inside = bool(compute_angle_between(first.at(time)[1], second.at(time)[1])[0] <= SHARED)
+    elif zone is not None and intersection_map is not None:
+        # Where the two met, or would have: their conflict zone; the contact itself where they did.
+        place, middle = event.location, None
+        if event.type not in ("collision", "follow"):
+            giver = first
+            if event.type == "yielding":  # it may still wait when the scene ends
+                speed = 2.0 if first.is_vehicle else 1.0
+                giver = extend_straight(first, distance=_BEYOND[first.type], speed=speed)
+            middle = find_nearest_zone(giver, second, place)
+        if middle is not None:
+            place = float(middle.centroid.x), float(middle.centroid.y)
+        on_foot = not (first.is_vehicle and second.is_vehicle)
+        inside = is_in_zone(place, zone, intersection_map, on_foot=on_foot)
+    return None if inside else f"not in the zone demanded ({zone})"
 
 
 def _check_bounds(relation: RelationRecord, event: Event) -> str | None:
@@ -75,35 +95,6 @@ def _check_order(relation: RelationRecord, event: Event, observed: SceneObservat
     if order.first == relation.first:
         return None
     return f"{order.first} passes first, {relation.first} was to"
-
-
-def _check_zone(
-    relation: RelationRecord,
-    event: Event,
-    observed: SceneObservation,
-    intersection_map: IntersectionMap | None,
-) -> str | None:
-    zone = relation.zone
-    first, second = observed.by_id[event.from_], observed.by_id[event.to]
-    if zone == "lane":
-        time = np.array([event.time])
-        inside = bool(compute_angle_between(first.at(time)[1], second.at(time)[1])[0] <= SHARED)
-    elif zone is None or intersection_map is None:
-        return None
-    else:
-        # Where the two met, or would have: their conflict zone; the contact itself where they did.
-        place, middle = event.location, None
-        if event.type not in ("collision", "follow"):
-            giver = first
-            if event.type == "yielding":  # it may still wait when the scene ends
-                speed = 2.0 if first.is_vehicle else 1.0
-                giver = extend_straight(first, distance=_BEYOND[first.type], speed=speed)
-            middle = find_nearest_zone(giver, second, place)
-        if middle is not None:
-            place = float(middle.centroid.x), float(middle.centroid.y)
-        on_foot = not (first.is_vehicle and second.is_vehicle)
-        inside = is_in_zone(place, zone, intersection_map, on_foot=on_foot)
-    return None if inside else f"not in the zone demanded ({zone})"
 
 
 def is_in_zone(

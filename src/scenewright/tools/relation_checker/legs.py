@@ -103,13 +103,11 @@ def check_ties(
         seen = find_relative_side(entry, seen_from=other) if entry and other else "none"
         if seen in _SEEN_AS.get(tie.side, (tie.side,)):
             continue
-        found.append(
-            Finding(
-                rule="entry_elsewhere", agents=(tie.agent, tie.of),
-                detail=f"agent {tie.agent} comes from the {entry or 'middle'}, agent {tie.of} from "
-                f"the {other or 'middle'}: {seen} observed, {tie.side} asked for",
-            )
-        )  # fmt: skip
+        found.append(Finding(
+            rule="entry_elsewhere", agents=(tie.agent, tie.of),
+            detail=f"agent {tie.agent} comes from the {entry or 'middle'}, agent {tie.of} from "
+            f"the {other or 'middle'}: {seen} observed, {tie.side} asked for",
+        ))  # fmt: skip
     return tuple(found)
 
 

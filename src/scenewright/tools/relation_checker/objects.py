@@ -78,14 +78,11 @@ def check_contacts(
                 continue
             time = find_contact(each, track)
             if time is not None:
-                found.append(
-                    Finding(
-                        rule="object_contact", agents=(track.id,), time=round(time, 3),
-                        measured=0.0,
-                        detail=f"{track.type} {track.id} touches {each.id} ({each.kind}) at "
-                        f"{time:.1f} s",
-                    )
-                )  # fmt: skip
+                what = f"{track.type} {track.id} touches {each.id} ({each.kind}) at {time:.1f} s"
+                found.append(Finding(
+                    rule="object_contact", agents=(track.id,), time=round(time, 3), measured=0.0,
+                    detail=what,
+                ))  # fmt: skip
     return tuple(found)
 
 

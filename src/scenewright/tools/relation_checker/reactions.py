@@ -261,10 +261,6 @@ def find_false_reactions(
         else:
             seen = any(row.get("how") == agent.reaction for row in own)
         if agent.reaction is not None and not seen:
-            found.append(
-                Finding(
-                    rule="reaction_not_seen", agents=(agent.id,),
-                    detail=f"agent {agent.id} was to react as {agent.reaction}",
-                )
-            )  # fmt: skip
+            detail = f"agent {agent.id} was to react as {agent.reaction}"
+            found.append(Finding(rule="reaction_not_seen", agents=(agent.id,), detail=detail))
     return tuple(found)

@@ -60,7 +60,19 @@ def _read_agent(
     """The word for what the entity is, and its samples if it is a road user."""
     if entity is None:
         raise InputError(f"{name}: no entity {actor[:40]!r}")
-    word, body = _find_word(entity)
+    # What the entity is in a word, and its element, where it is not in a catalogue.
+    word, body = "object", None
+    for part in entity:
+        if part.tag in ("Vehicle", "Pedestrian"):
+            animal = part.get("pedestrianCategory") == "animal"
+            walks = "animal" if animal else "pedestrian"
+            word = part.get("vehicleCategory", "") if part.tag == "Vehicle" else walks
+            body = part
+            break
+        if part.tag == "CatalogReference":
+            entry = part.get("entryName", "").replace("_", " ").split()
+            word = next((each for each in entry if find_road_user(each)), "catalogue entry")
+            break
     subtype = find_road_user(word)
     if subtype is None:
         return word, None
@@ -79,20 +91,6 @@ def _read_agent(
     )
     agent = AgentSamples(actor, subtype, t, xy, heading, length, width)
     return word, resample_if_uneven(agent, STEP)
-
-
-def _find_word(entity: _Element) -> tuple[str, _Element | None]:
-    """What the entity is in a word, and its element, where it is not in a catalogue."""
-    for body in entity:
-        if body.tag == "Vehicle":
-            return body.get("vehicleCategory", ""), body
-        if body.tag == "Pedestrian":
-            animal = body.get("pedestrianCategory") == "animal"
-            return ("animal" if animal else "pedestrian"), body
-        if body.tag == "CatalogReference":
-            entry = body.get("entryName", "").replace("_", " ").split()
-            return next((word for word in entry if find_road_user(word)), "catalogue entry"), None
-    return "object", None
 
 
 def _read_vertices(event: _Element, follow: _Element, name: str) -> tuple[FloatArray, FloatArray]:

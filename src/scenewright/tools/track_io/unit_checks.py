@@ -63,30 +63,25 @@ def _compute_velocity(user: RoadUser) -> FloatArray:
 
 def _check_scale(users: Sequence[RoadUser]) -> list[str]:
     """Whether lengths or times have another unit."""
-    notes = []
-    extent = (
-        float(np.ptp(np.concatenate([u.track.xy for u in users]), axis=0).max()) if users else 0
-    )
+    xy = np.concatenate([np.zeros((0, 2)), *(user.track.xy for user in users)])
+    extent = float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
     if 0.0 < extent < TINY:
-        notes.append(f"all tracks lie within {extent:.2g} m; positions are metres, not degrees")
-        return notes
+        return [f"all tracks lie within {extent:.2g} m; positions are metres, not degrees"]
+    notes = []
+    tops = [float(np.percentile(np.hypot(*_compute_velocity(u).T), 95)) for u in users]
     for kind, limit in FAST.items():
-        tops = [_compute_top_speed(u) for u in users if u.shape.type == kind]
-        if tops and float(np.median(tops)) > limit:
+        own = [top for user, top in zip(users, tops, strict=True) if user.shape.type == kind]
+        if own and float(np.median(own)) > limit:
             notes.append(
-                f"half of the {kind}s reach {np.median(tops):.0f} m/s; positions are metres, "
+                f"half of the {kind}s reach {np.median(own):.0f} m/s; positions are metres, "
                 "times seconds"
             )
-    cars = [
-        u
-        for u in users
-        if u.shape.type == "vehicle" and np.hypot(*(u.track.xy[-1] - u.track.xy[0])) > DRIVEN
+    driven = [
+        (user.track.step, top)
+        for user, top in zip(users, tops, strict=True)
+        if user.shape.type == "vehicle"
+        and np.hypot(*(user.track.xy[-1] - user.track.xy[0])) > DRIVEN
     ]
-    if cars and cars[0].track.step >= LONG_STEP and max(map(_compute_top_speed, cars)) < SLOW:
+    if driven and driven[0][0] >= LONG_STEP and max(top for _, top in driven) < SLOW:
         notes.append(f"no vehicle is faster than {SLOW:.0f} m/s; times are seconds, not frames")
     return notes
-
-
-def _compute_top_speed(user: RoadUser) -> float:
-    velocity = _compute_velocity(user)
-    return float(np.percentile(np.hypot(velocity[:, 0], velocity[:, 1]), 95))
