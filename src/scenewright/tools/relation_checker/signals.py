@@ -244,9 +244,16 @@ def check_signal_plan(
             owners.setdefault(light, set()).add(group.id)
     reason = _find_bad_record(records, owners, until)
     if reason is None:
-        shown = _list_shown_colours(
-            records, {k: next(iter(v)) for k, v in owners.items() if len(v) == 1}
-        )
+        # Group, time and colour in the middle, and near both ends, of every stretch of the plan.
+        groups = {light: next(iter(of)) for light, of in owners.items() if len(of) == 1}
+        shown = {
+            (groups[light], round(time, 4), each.colour)
+            for each in records
+            for light in (each.stop_line, each.crosswalk)
+            if light in groups and light is not None
+            for within in (min(0.2, (each.end - each.start) / 2),)
+            for time in (each.start + within, (each.start + each.end) / 2, each.end - within)
+        }
         offsets = _list_offsets(records, intersection_map.signals)
         fits = any(_fits(shown, intersection_map.signals, k) for k in offsets)
         reason = None if fits else "is the programme of the map at no offset"
@@ -294,20 +301,6 @@ def _list_offsets(records: Sequence[SignalRecord], program: SignalProgram) -> li
         return [0.1 * k for k in range(round(program.cycle * 10))]
     ends = np.cumsum([phase.duration for phase in program.phases])
     return [float(end - change) for end in ends]
-
-
-def _list_shown_colours(
-    records: Sequence[SignalRecord], groups: Mapping[str, str]
-) -> set[tuple[str, float, Colour]]:
-    """Group, time and colour in the middle, and near both ends, of every stretch of the plan."""
-    return {
-        (groups[light], round(time, 4), r.colour)
-        for r in records
-        for light in (r.stop_line, r.crosswalk)
-        if light in groups and light is not None
-        for within in (min(0.2, (r.end - r.start) / 2),)
-        for time in (r.start + within, (r.start + r.end) / 2, r.end - within)
-    }
 
 
 def _fits(shown: set[tuple[str, float, Colour]], program: SignalProgram, offset: float) -> bool:
