@@ -32,12 +32,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from _planning_score import compare, score
+
 from scenewright import synthesize
 from scenewright.backends import TASKS, Backend, Prompt, Question, load_backend
 from scenewright.backends.text_backend import Completion, TextBackend, compute_key
 from scenewright.cli.plan import ATTEMPTS, build_refusal
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
-from scenewright.evals.planning import PlanningShare, compare, load, score
+from scenewright.evals.planning import PlanningShare, load
 from scenewright.graph.run import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.nodes.scene_planner import ask_for_plan, describe_routes

@@ -22,9 +22,11 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
+from _planning_score import compare
+
 from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
-from scenewright.evals.planning import PlanningShare, compare
+from scenewright.evals.planning import PlanningShare
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Refusal
 

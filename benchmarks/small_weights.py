@@ -26,6 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from _planning_score import compare, score
 from model_planning import choose_rows, format_share
 from small_model import holds
 
@@ -34,7 +35,7 @@ from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.staged import StagedBackend
 from scenewright.cli.plan import ask_for_plan
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.evals.planning import PlanningShare, compare, score
+from scenewright.evals.planning import PlanningShare
 from scenewright.graph.run import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.scene.plan_row import plan_to_row

@@ -44,10 +44,14 @@ from scenewright.errors import ScenewrightError
 from scenewright.evals.understanding import cases as cases_module
 from scenewright.evals.understanding.cases import SceneCase, Split, assign_split
 from scenewright.evals.understanding.clips import cut_clips, read_source
-from scenewright.evals.understanding.evaluate import MethodScores, evaluate, load_cases
+from scenewright.evals.understanding.evaluate import (
+    MethodScores,
+    evaluate,
+    format_report,
+    load_cases,
+)
 from scenewright.evals.understanding.observation import observe
 from scenewright.evals.understanding.pipeline import find_method
-from scenewright.evals.understanding.report import format_report
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.files import write_atomically
 from scenewright.graph.run import synthesize
@@ -127,11 +131,9 @@ MIX = ((NORMAL, 20), (COLLISIONS, 40), (YIELDS, 50), (NEAR_MISSES, 30))
 Normal clips are cut from all of them, where nothing happens."""
 SEEDS = {"dev": 43, "test": 13}
 WINDOWS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
-METHODS = ("reasoner", "oracle", "constant_velocity", "gmm", "gmm_waypoints", "oracle_seen")
+METHODS = ("reasoner", "constant_velocity", "gmm", "gmm_waypoints", "oracle_seen")
 FEW = 100
 """Scenes on which the refiner is looked at: it takes seconds for each."""
-ORACLE = 3000
-"""Scenes that the oracle is fitted on; it has less to learn."""
 SOME = (2.0, 4.0)
 """Windows of those methods that are only there to compare with."""
 
@@ -190,9 +192,7 @@ def evaluate_method(folder: Path, name: str) -> MethodScores:
     cases = sorted(load_cases(folder, split="test"), key=lambda each: each.code)
     if name == "trajnet":
         return evaluate(cases[:FEW], name, windows=(4.0,))
-    return evaluate(
-        cases, name, windows=WINDOWS if name in ("reasoner", "oracle", "oracle_seen") else SOME
-    )
+    return evaluate(cases, name, windows=WINDOWS if name in ("reasoner", "oracle_seen") else SOME)
 
 
 def list_agent_cases(folder: Path) -> list[SceneCase]:
@@ -284,14 +284,10 @@ def score(folder: Path, *, workers: int) -> None:
 
 
 def tune(folder: Path, *, workers: int) -> None:
-    """Fits the exit model and both calibrations, and puts them where they ship."""
+    """Fits the exit model and the calibration, and puts them where they ship."""
     place, dev = Path(cases_module.__file__).parent, str((folder / "dev").resolve())
-    for module, file, options in (
-        ("exit_tuning", "exits.npz", ()),
-        ("tuning", "calibration.npz", ()),
-        ("tuning", "calibration_oracle.npz", ("--oracle", "--limit", str(ORACLE))),
-    ):
-        words = [dev, "--workers", str(workers), "--out", str(place / file), *options]
+    for module, file in (("exit_tuning", "exits.npz"), ("tuning", "calibration.npz")):
+        words = [dev, "--workers", str(workers), "--out", str(place / file)]
         command = [sys.executable, "-m", f"lab.understanding.{module}", *words]
         subprocess.run(command, cwd=Path(__file__).parents[1], check=True)
 

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from scenewright.driving.summary import describe_rate
-from scenewright.evals.realism.motion_windows import classify_motion
 from scenewright.evals.realism.sources import TrackSource, read_source
+from scenewright.evals.realism.two_sample import classify_motion
 from scenewright.geometry.kinematics import smooth
 
 LENGTH, STEP = 6.0, 0.1

@@ -33,7 +33,7 @@ from scenewright.tools.gmm_sampler import (
 )
 from scenewright.tools.gmm_sampler.sample import build_path, score_waypoints
 from scenewright.tools.track_io import RecordedAgent, Recording
-from scenewright.tools.track_io.windows import TRAJNET_EVERY
+from scenewright.tools.track_io.recording import TRAJNET_EVERY
 
 geos: Any = import_module("shapely")
 

@@ -18,8 +18,7 @@ from lab.rollouts.prior_goals import (
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.track_io import Recording, RecordingWindow, cut_windows
-from scenewright.tools.track_io.recording import IntArray
-from scenewright.tools.track_io.windows import TRAJNET_EVERY, BoolArray
+from scenewright.tools.track_io.recording import TRAJNET_EVERY, BoolArray, IntArray
 
 COLUMNS = 75
 GIVEN, SPACING = 9, 8

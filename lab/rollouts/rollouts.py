@@ -34,8 +34,8 @@ from scenewright.evals.bootstrap import compute_interval
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.track_io import Recording, load_recordings
+from scenewright.tools.track_io.recording import TRAJNET_EVERY
 from scenewright.tools.track_io.taf_bw import SMOOTHING, read_taf_bw
-from scenewright.tools.track_io.windows import TRAJNET_EVERY
 
 LEAD = 1
 """Steps before a goal is due from which the next one counts; chosen on validation hours."""
@@ -298,9 +298,10 @@ def _read_sources(
     if arguments.taf_bw:
         real = read_taf_bw(arguments.taf_bw, smoothing=arguments.smoothing)
         ways = fit_left_out_routes(arguments.taf_bw) if arguments.prior_goals else None
-        for site, jitter in real.jitter.items():
+        for site in real.removed:
             own = [each for each in real.recordings if each.name.split("/")[0] == site]
-            yield f"taf-bw {site} (jitter {jitter:.3f} m)", own, ways
+            if any(each.agents for each in own):
+                yield f"taf-bw {site}", own, ways
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Fit a calibration on scenes of development: `python -m lab.understanding.tuning`.
 
-    python -m lab.understanding.tuning DIR... --out calibration.npz [--oracle]
+    python -m lab.understanding.tuning DIR... --out calibration.npz
 
 Only the development half of each folder is read, unless `--split all` says that the folders were
 made for tuning alone. Scenes are weighed to the paper's composition, whatever the folders hold most
@@ -15,7 +15,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -36,12 +35,11 @@ from scenewright.evals.understanding.calibration import (
     select_relations,
     to_relation,
 )
-from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.cases import Labels, SceneCase
 from scenewright.evals.understanding.evaluate import load_cases
 from scenewright.evals.understanding.forecast import forecast_scene
-from scenewright.evals.understanding.labels import Labels
+from scenewright.evals.understanding.intent import infer_routes
 from scenewright.evals.understanding.observation import hash_scene, observe, to_arrays
-from scenewright.evals.understanding.oracle import forecast_with_routes
 from scenewright.evals.understanding.pair_features import (
     NAMES,
     compute_pair_features,
@@ -128,18 +126,12 @@ class TrainingTable:
         return ((v, r) for v, r in zip(self.views, self.rows, strict=True) if v.pairs)
 
 
-def view_scene(
-    case: SceneCase, *, with_routes: bool = False, windows: Sequence[float] = WINDOWS
-) -> list[TrainingView]:
-    """View a clip after every window.
-
-    Args:
-        with_routes: know all routes, as the oracle does.
-    """
+def view_scene(case: SceneCase, *, windows: Sequence[float] = WINDOWS) -> list[TrainingView]:
+    """View a clip after every window."""
     found = []
     for window in windows:
         observed = to_arrays(observe(case.record, scene=case.id, window=window))
-        forecast = forecast_with_routes(observed, case) if with_routes else forecast_scene(observed)
+        forecast = forecast_scene(observed, infer_routes(observed))
         rows = compute_pair_features(forecast, window)
         values = np.array([row.values for row in rows]).reshape(-1, len(NAMES))
         found.append(TrainingView(
@@ -149,17 +141,14 @@ def view_scene(
     return found
 
 
-def view_scenes(
-    cases: Sequence[SceneCase], *, workers: int = 1, with_routes: bool = False
-) -> Iterator[TrainingView]:
+def view_scenes(cases: Sequence[SceneCase], *, workers: int = 1) -> Iterator[TrainingView]:
     """View many scenes, in their order."""
-    job = partial(view_scene, with_routes=with_routes)
     if workers == 1:
         for case in cases:
-            yield from job(case)
+            yield from view_scene(case)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for found in pool.map(job, cases, chunksize=16):
+        for found in pool.map(view_scene, cases, chunksize=16):
             yield from found
 
 
@@ -437,7 +426,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--oracle", action="store_true", help="for known routes")
     parser.add_argument("--split", choices=("dev", "all"), default="dev")
     parser.add_argument("--limit", type=int, help="so many clips at most")
     parser.add_argument("--workers", type=int, default=1)
@@ -445,7 +433,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     split = None if given.split == "all" else given.split
     cases = [case for folder in given.folders for case in load_cases(folder, split=split)]
     scenes = sorted(cases, key=lambda case: case.code)[: given.limit]
-    table = build_table(view_scenes(scenes, workers=given.workers, with_routes=given.oracle))
+    table = build_table(view_scenes(scenes, workers=given.workers))
     unseen = predict_unseen(table)
     found = fit_calibration(table, unseen)
     save_calibration(given.out, found)

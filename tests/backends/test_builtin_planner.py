@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks._planning_score import compare, score
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.planner import plan as plan_whole
-from scenewright.evals.planning import compare, load, score
+from scenewright.evals.planning import load
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Refusal, SocialGraph
 from scenewright.tools.dsl_validator.parse import format_program

@@ -10,7 +10,6 @@ import pytest
 
 from scenewright.cli.main import main
 from scenewright.evals.realism.likelihood import measure_features, score_likelihood
-from scenewright.evals.realism.motion_windows import cut_windows, find_constant_speed
 from scenewright.evals.realism.sources import Stretch, TrackSource
 from scenewright.evals.realism.street_measures import (
     compute_count_ranks,
@@ -20,7 +19,13 @@ from scenewright.evals.realism.street_measures import (
     find_common_starts,
     find_reactions,
 )
-from scenewright.evals.realism.two_sample import compare_windows, compute_auc, split_halves
+from scenewright.evals.realism.two_sample import (
+    compare_windows,
+    compute_auc,
+    cut_windows,
+    find_constant_speed,
+    split_halves,
+)
 from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser
 

@@ -14,10 +14,10 @@ from scenewright import export, synthesize
 from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.evals.leaderboard import enter_leaderboard
-from scenewright.evals.satisfaction import (
+from scenewright.evals.satisfaction import judge as judging
+from scenewright.evals.satisfaction.judge import (
     Submission,
     Verdict,
-    collect,
     count_verdicts,
     judge,
     read_submission,
@@ -152,7 +152,7 @@ def test_a_scene_that_does_not_show_all_words_does_not_satisfy(
     scene.save(tmp_path / "one")
     dog = AccountEntry(start=0, end=3, words="dog", state="not_shown")
     partly = scene.proof.model_copy(update={"account": (*scene.proof.account, dog)})
-    monkeypatch.setattr(collect, "verify", lambda _: partly)
+    monkeypatch.setattr(judging, "verify", lambda _: partly)
     found = read_submission(tmp_path, "one", intersection="amsterdam_120")
     assert found is not None
     assert found.fault == "partly: 'dog' not shown"

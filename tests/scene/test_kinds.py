@@ -117,7 +117,7 @@ words = ["hurtles across", "hurtling across"]
 prompt = "hurtles (runs as fast as it can)"
 constraints = ["speed({agent}) in [3.3, 4.2] m/s"]
 traits = ["running", "afoot"]
-observe = "pedestrian_motions:describe_run"
+observe = "motions:describe_run"
 figures = { least_speed = 3.0 }
 ranges = { speed = [3.5, 4.1] }
 
@@ -164,7 +164,7 @@ def proves_with(folder: Path, file: str, record: SceneRecord) -> bool:
         ('axis = "motion"', 'axis = "dance"', "axis: Input should be 'manoeuvre'"),
         ('agents = ["pedestrian"]', 'agents = ["dog"]', "agents.0: Input should be 'vehicle'"),
         ('"running"', '"flies"', "traits."),
-        ("describe_run", "describe_flight", "observe: no shipped kind has 'pedestrian_motions:de"),
+        ("describe_run", "describe_flight", "observe: no shipped kind has 'motions:de"),
         ("describe_run", "__import__", "observe: String should match"),
         ("help =", "helps =", "help: is missing"),
         ("[says]\nany", "[says]\nfollow", "says: a motion needs 'any'"),

@@ -224,7 +224,7 @@ def write_assessment(folder: Path, report: Assessment) -> None:
     """
     import json
 
-    from scenewright.evals.realism.assessment_plots import draw_assessment
+    from scenewright.evals.realism.assessment import draw_assessment
     from scenewright.files import write_atomically
     from scenewright.graph.run import make_folder
 

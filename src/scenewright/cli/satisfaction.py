@@ -37,9 +37,9 @@ def score_satisfaction(
     them; then DIR is judged from its tracks alone: the events that the checker finds, between
     agents that come from, go to and cross what the label says, and nothing else.
     """
-    from scenewright.evals import satisfaction as judging
     from scenewright.evals.leaderboard import enter_leaderboard
     from scenewright.evals.planning import load
+    from scenewright.evals.satisfaction import judge as judging
     from scenewright.files import write_atomically
 
     labelled = [row for row in load("voices") if "disputed" not in row]

@@ -30,7 +30,7 @@ def score_understanding(
         list[str] | None,
         typer.Option(
             metavar="M",
-            help="gmm, gmm_waypoints, trajnet, constant_velocity, reasoner, agent, oracle, "
+            help="gmm, gmm_waypoints, trajnet, constant_velocity, reasoner, agent, "
             "oracle_seen, or a file of predictions, .jsonl; may be given again.",
         ),
     ] = None,
@@ -124,7 +124,7 @@ def _hand_out(
     as_json: bool,
     observations: str | None,
 ) -> None:
-    from scenewright.evals.understanding.report import format_report
+    from scenewright.evals.understanding.evaluate import format_report
     from scenewright.evals.understanding.scoring import DEFINITION
 
     name = cases[0].record.meta.intersection

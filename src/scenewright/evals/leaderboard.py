@@ -11,7 +11,7 @@ from typing import Any, Literal
 from scenewright.dataset.tables.card import escape_markdown
 from scenewright.errors import InputError
 from scenewright.evals.markdown import format_table
-from scenewright.evals.satisfaction.report import RATES, format_share
+from scenewright.evals.satisfaction.judge import RATES, format_share
 from scenewright.files import write_atomically
 
 SectionKey = Literal["entries", "predictions", "egos"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenewright.cli.main import main
-from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.cases import PairRelation, SceneCase
 from scenewright.evals.understanding.clips import (
     LENGTH,
     ClipSource,
@@ -21,10 +21,9 @@ from scenewright.evals.understanding.clips import (
     list_normal_starts,
     read_source,
 )
-from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.language_model import name_agents
 from scenewright.evals.understanding.observation import observe, to_arrays
 from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.scene_description import name_agents
 from scenewright.evals.understanding.scoring import count_scene
 from scenewright.scene.events import Event
 

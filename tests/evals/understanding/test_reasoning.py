@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from scenewright.evals.understanding.calibration import load_calibration
-from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.cases import PairRelation, SceneCase
 from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, forecast_scene
 from scenewright.evals.understanding.intent import find_nearest_mean, infer_routes
-from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.interaction_graph import compute_time_gaps
 from scenewright.evals.understanding.observation import (
     LightRow,
     ObservationRow,
@@ -20,9 +20,8 @@ from scenewright.evals.understanding.observation import (
     observe,
     to_arrays,
 )
-from scenewright.evals.understanding.oracle import predict_with_events
 from scenewright.evals.understanding.pair_features import NAMES, mirror_features
-from scenewright.evals.understanding.pipeline import MethodSettings, understand
+from scenewright.evals.understanding.pipeline import MethodSettings, predict_with_events, understand
 from scenewright.evals.understanding.route_components import list_sides, load_components
 from scenewright.evals.understanding.rule_baseline import (
     check_predicted_tracks,
@@ -30,7 +29,6 @@ from scenewright.evals.understanding.rule_baseline import (
     predict_with_refiner,
     to_relations,
 )
-from scenewright.evals.understanding.time_gaps import compute_time_gaps
 from scenewright.evals.understanding.zone_features import (
     IN_ZONE,
     NONE,
@@ -113,7 +111,8 @@ def test_an_agent_too_fast_to_stop_at_red_is_expected_to_go_on() -> None:
     for left in (25.0, 4.0):
         agent = driven("vehicle:north>south:straight", way=float(ways.line[c]) - 2.3 - left)
         slowed = replace(agent, speed=np.append(agent.speed[:-5], np.linspace(9.0, 8.2, 5)))
-        (future,) = forecast_scene(replace(seen(slowed), lights=(light,))).futures
+        scene = replace(seen(slowed), lights=(light,))
+        (future,) = forecast_scene(scene, infer_routes(scene)).futures
         held = np.isfinite(future.stop)
         assert held.any()
         shares.append(future.weight[future.runs].sum() / future.weight[held].sum())

@@ -12,7 +12,7 @@ import pytest
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError
 from scenewright.evals.understanding.cases import SceneCase
-from scenewright.evals.understanding.language_model import TASK, require_language_model
+from scenewright.evals.understanding.language_model import TASK, name_agents, require_language_model
 from scenewright.evals.understanding.observation import ObservationRow, observe
 from scenewright.evals.understanding.pipeline import (
     ATTEMPTS,
@@ -22,7 +22,6 @@ from scenewright.evals.understanding.pipeline import (
     understand,
 )
 from scenewright.evals.understanding.rule_baseline import predict_constant_velocity
-from scenewright.evals.understanding.scene_description import name_agents
 from scripted import build_scripted_backend
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scenewright.evals.understanding.labels import Labels, PairRelation
+from scenewright.evals.understanding.cases import Labels, PairRelation
 from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.evals.understanding.scoring import WindowScores, count_scene, summarise
 

@@ -17,8 +17,7 @@ from scenewright.evals.understanding.calibration import (
     load_calibration,
     select_relations,
 )
-from scenewright.evals.understanding.cases import SceneCase
-from scenewright.evals.understanding.labels import Labels, PairRelation
+from scenewright.evals.understanding.cases import Labels, PairRelation, SceneCase
 from scenewright.evals.understanding.pair_features import NAMES
 
 LIMITS = np.array([9.0, 0.3, 0.3, 0.3, 0.3])

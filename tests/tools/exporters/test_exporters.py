@@ -35,9 +35,15 @@ from scenewright.tools.exporters.wosac import CURRENT, ROLLOUTS, STEPS, load_mes
 from scenewright.tools.track_io.external_tracks import read_external_recordings
 from scenewright.tools.track_io.osi import load_osi_classes
 from scenewright.tools.track_io.scenarionet import load_arrays
-from scenewright.tools.track_io.tfrecord import compute_masked_crc, read_records, write_records
-from scenewright.tools.track_io.womd import load_scenario_class, read_womd
-from scenewright.tools.track_io.womd_example import load_example_class, read_example
+from scenewright.tools.track_io.womd import (
+    compute_masked_crc,
+    load_example_class,
+    load_scenario_class,
+    read_example,
+    read_records,
+    read_womd,
+    write_records,
+)
 
 
 def test_headings_lie_within_pi_and_velocities_are_of_the_positions() -> None:

@@ -16,8 +16,7 @@ from scenewright.tools.relation_checker import RoadUser
 from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.groups import check_groups
 from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
-from scenewright.tools.relation_checker.motions import SeenMotion, describe_motion
-from scenewright.tools.relation_checker.pedestrian_motions import describe_return
+from scenewright.tools.relation_checker.motions import SeenMotion, describe_motion, describe_return
 
 GAP = 17.0
 """Between the centres of two cars at 10 m/s, which is a headway of 1.24 s [m]."""

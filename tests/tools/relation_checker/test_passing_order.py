@@ -20,8 +20,8 @@ from checker_tracks import (
     walk,
 )
 from scenewright.tools.relation_checker import RoadUser, check
+from scenewright.tools.relation_checker.conditions import find_passing_order
 from scenewright.tools.relation_checker.events import observe
-from scenewright.tools.relation_checker.passing_order import find_passing_order
 
 EASTWARD = line(1, (-40.0, 0.0), EAST, distance(8.0, (0.0, 10.0)))
 NORTHWARD = line(2, (0.0, -40.0), NORTH, distance(8.0, (0.0, 10.0)))

@@ -25,7 +25,6 @@ from scenewright.tools.track_io.cleaning import (
     RawTrack,
     clean_track,
     compute_course,
-    measure_jitter,
 )
 from scenewright.tools.track_io.taf_bw import read_taf_bw
 
@@ -122,12 +121,11 @@ def test_fine_and_coarse_windows_agree(recording):
     steps=st.integers(1, 40),
     every=st.integers(1, 5),
     stride=st.integers(1, 60),
-    offset=st.integers(0, 30),
 )
-def test_windows_stay_within_the_recording_and_repeat(steps, every, stride, offset):
+def test_windows_stay_within_the_recording_and_repeat(steps, every, stride):
     tracks = [straight(a / 10, n, y=a) for a, n in ((0, 90), (35, 12), (60, 90))]
     recording = Recording("here", 1.0, 12.0, tuple(agent(t) for t in tracks))
-    options = {"steps": steps, "every": every, "stride": stride, "offset": offset}
+    options = {"steps": steps, "every": every, "stride": stride}
     cut = list(cut_windows(recording, **options))
     for window, again in zip(cut, cut_windows(recording, **options), strict=True):
         assert np.array_equal(window.xy, again.xy)
@@ -185,14 +183,6 @@ def test_smoothing_leaves_straight_motion_and_takes_noise_away():
     expected = 0.05 * math.sqrt(STEP * 3 / (8 * math.sqrt(math.pi) * 0.4**5))
     assert calm == pytest.approx(expected, rel=0.25)
     assert rough > 10 * calm
-
-
-def test_jitter_is_the_size_of_the_noise():
-    rng = np.random.default_rng(0)
-    even = straight(0.0, 500).xy
-    assert measure_jitter(even).max() < 1e-9
-    usual = np.median(measure_jitter(even + rng.normal(0.0, 0.1, even.shape)))
-    assert 0.06 < usual < 0.14
 
 
 def one_cleaned(kind, time, xy, *, settling=0.0):
@@ -277,10 +267,9 @@ def files(tmp_path):
     return tmp_path
 
 
-def test_real_tracks_are_read_cleaned_and_told_apart_by_their_jitter(files):
+def test_real_tracks_are_read_and_cleaned(files):
     real = read_taf_bw(files)
     assert [r.name for r in real.recordings] == ["k729_2022-03-16/000", "k733_2018-05-02/000"]
-    assert [r.name for r in real.fine] == ["k729_2022-03-16/000"]
     kept = {a.subtype: a for a in real.recordings[0].agents}
     assert set(kept) == {"car", "bicycle", None}
     assert kept[None].shape.type == "pedestrian"
@@ -289,13 +278,12 @@ def test_real_tracks_are_read_cleaned_and_told_apart_by_their_jitter(files):
     assert compute_kinematics(kept["car"].track.xy).speed == pytest.approx(8.0)
 
 
-def test_a_site_where_nobody_moves_is_read_and_is_not_fine(files):
+def test_a_site_without_tracks_is_an_empty_recording(files):
     empty = files / "tracks" / "k731_2020-01-01"
     empty.mkdir()
     (empty / "vehicle_tracks_000.csv").write_text(HEADER)
     real = read_taf_bw(files)
-    assert "k731_2020-01-01" not in real.jitter
-    assert [r.name for r in real.fine] == ["k729_2022-03-16/000"]
+    assert [len(r.agents) for r in real.recordings if "k731" in r.name] == [0]
 
 
 def test_what_is_no_real_track_is_one_clear_line(files, tmp_path):
@@ -314,4 +302,3 @@ def test_the_real_data_set_reads_with_little_left_to_doubt():
     assert len(agents) > 150
     speeds = [compute_kinematics(a.track.xy, smoothing=0.4).speed for a in agents]
     assert 5.0 < np.median(np.concatenate([s[s > 1.0] for s in speeds])) < 9.0
-    assert {r.name.split("_")[0] for r in real.fine} == {"k729"}

@@ -23,8 +23,8 @@ def refuse(line: int, reason: str) -> NoReturn:
 def test_predictions_are_kept_as_the_reader_says(predictions: Predictions, kept: list[int]) -> None:
     lines = [json.dumps(SCENE), "", *map(json.dumps, ROWS)]
     found = list(iterate_trajnet_rows(lines, predictions=predictions, refuse=refuse))
-    assert [row.line for row in found] == kept
-    assert [row.kind for row in found] == ["scene"] + ["track"] * (len(kept) - 1)
+    assert [line for line, _, _ in found] == kept
+    assert [kind for _, kind, _ in found] == ["scene"] + ["track"] * (len(kept) - 1)
 
 
 @pytest.mark.parametrize("line", ["{", "[]", "{}", '{"scene": 3}', json.dumps(ROWS[1])])

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from scenewright.evals.realism.motion_windows import SMOOTHING, TRIMMED
 from scenewright.evals.realism.sources import Stretch
+from scenewright.evals.realism.two_sample import SMOOTHING, TRIMMED
 from scenewright.geometry.kinematics import smooth
 from scenewright.geometry.map_areas import geos, merge_areas
 from scenewright.geometry.polyline import interpolate_points
@@ -68,8 +68,13 @@ def measure_features(
             xy = smooth(user.track.xy, SMOOTHING)
             kept = slice(TRIMMED, len(xy) - TRIMMED, EVERY)
             velocity = np.asarray(np.gradient(xy, STEP, axis=0), dtype=np.float64)
-            motion = _compute_kinematic_features(velocity)
-            rows = {name: values[kept] for name, values in motion.items()}
+            speed = np.hypot(velocity[:, 0], velocity[:, 1])
+            course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+            turning = np.where(speed > _MOVES, np.gradient(course, STEP), 0.0)
+            bending = np.where(speed > _MOVES, np.gradient(turning, STEP), 0.0)
+            motion = (speed, np.gradient(speed, STEP), turning, bending)
+            names = FEATURES["kinematic"]
+            rows = {name: values[kept] for name, values in zip(names, motion, strict=True)}
             rows |= _compute_interactive_features(
                 stretch, user, user.track.times[kept], xy[kept], velocity[kept]
             )
@@ -83,19 +88,6 @@ def measure_features(
                 parts.setdefault(name, []).append(values)
         found.append({name: np.concatenate(own) for name, own in parts.items()})
     return found
-
-
-def _compute_kinematic_features(velocity: FloatArray) -> dict[str, FloatArray]:
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    moving = speed > _MOVES
-    course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
-    turning = np.where(moving, np.gradient(course, STEP), 0.0)
-    return {
-        "speed": speed,
-        "acceleration": np.asarray(np.gradient(speed, STEP), dtype=np.float64),
-        "turning": turning,
-        "change of turning": np.where(moving, np.gradient(turning, STEP), 0.0),
-    }
 
 
 def _compute_interactive_features(

@@ -16,13 +16,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import EventRecord, SceneRecord
-from scenewright.scene.track import (
-    PEDESTRIAN,
-    STEP,
-    Track,
-    get_rider_shape,
-    get_vehicle_shape,
-)
+from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_rider_shape, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, read_users
 from scenewright.tools.track_io import load_recordings
 from scenewright.tools.track_io.track_files import read_track_files

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -76,23 +77,21 @@ def _compute_headway(user: RoadUser, other: RoadUser) -> float:
 
 def find_accompanied(stretch: Stretch) -> list[bool]:
     """Return for each walking pedestrian whether another keeps within 1.5 m for 3 s or longer."""
-    people = [u for u in stretch.users if u.shape.type == "pedestrian"]
+    people = (u.track for u in stretch.users if u.shape.type == "pedestrian")
     walkers = [
-        u
-        for u in people
-        if measure_length(u.track.xy) > _WALKS * max((len(u.track.xy) - 1) * u.track.step, 1e-9)
+        track
+        for track in people
+        if measure_length(track.xy) > _WALKS * max((len(track.xy) - 1) * track.step, 1e-9)
     ]
-    return [any(_is_companion(u, other) for other in walkers if other.id != u.id) for u in walkers]
-
-
-def _is_companion(user: RoadUser, other: RoadUser) -> bool:
-    one, two = user.track, other.track
-    first, last = max(one.start, two.start), min(one.end, two.end)
-    if last - first < _TOGETHER:
-        return False
-    times = np.arange(first, last, 0.4)
-    places = [interpolate_points(times, t.times, t.xy) for t in (one, two)]
-    return float(np.hypot(*(places[0] - places[1]).T).mean()) <= COMPANION
+    together = np.zeros((len(walkers), len(walkers)), dtype=np.bool_)
+    for (j, one), (k, two) in combinations(enumerate(walkers), 2):
+        first, last = max(one.start, two.start), min(one.end, two.end)
+        if last - first >= _TOGETHER:
+            times = np.arange(first, last, 0.4)
+            places = [interpolate_points(times, t.times, t.xy) for t in (one, two)]
+            apart = float(np.hypot(*(places[0] - places[1]).T).mean())
+            together[j, k] = together[k, j] = apart <= COMPANION
+    return [bool(row.any()) for row in together]
 
 
 def find_common_starts(stretch: Stretch) -> list[bool]:

@@ -3,23 +3,5 @@ else.
 
 The instructions are those of `evals.planning`, written by people who had seen no planner. A
 submission may come from any program: scenes of scenewright, or tracks in any format that `verify`
-reads. `seen` recognises the agents in tracks, `judge` compares with the label, `report` counts.
+reads. `seen` recognises the agents in tracks, `judge` compares them with the label and counts.
 """
-
-from scenewright.evals.satisfaction.collect import read_submission
-from scenewright.evals.satisfaction.judge import Submission, Verdict, judge
-from scenewright.evals.satisfaction.report import (
-    count_verdicts,
-    to_json,
-    to_markdown,
-)
-
-__all__ = [
-    "Submission",
-    "Verdict",
-    "count_verdicts",
-    "judge",
-    "read_submission",
-    "to_json",
-    "to_markdown",
-]

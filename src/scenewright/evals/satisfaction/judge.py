@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from scenewright.evals.planning import does_time_fit
-from scenewright.evals.satisfaction.seen import SeenAgent
+from scenewright.dataset.batch.rows import choose_folder
+from scenewright.errors import InputError
+from scenewright.evals.markdown import format_table
+from scenewright.evals.planning import PlanningShare, does_time_fit
+from scenewright.evals.satisfaction.seen import SeenAgent, see_agents
+from scenewright.graph.run import load_scene, load_tracks, verify, verify_tracks
+from scenewright.intersections import load_map
 from scenewright.scene.events import Event
+from scenewright.tools.relation_checker import read_users
 
 Label = Mapping[str, Any]
 _DIRECTED = frozenset({"yielding", "follow"})
@@ -76,10 +84,17 @@ def _find_fault(label: Label, submission: Submission) -> str | None:
         if stray:
             first = stray[0]
             missing = f"unasked {first.type} of {first.from_} and {first.to} at {first.time:.1f} s"
-        elif _has_other_agents(label, submission, bound):
-            return None
+            continue
+        # Agents without events must be found among the tracks that are left.
+        left = [each for each in submission.agents if each.id not in bound.values()]
+        for wanted in (each for each in label["agents"] if each["id"] not in bound):
+            found = next((each for each in left if is_like(wanted, each)), None)
+            if found is None:
+                missing = "an agent that was asked for is not there"
+                break
+            left.remove(found)
         else:
-            missing = "an agent that was asked for is not there"
+            return None
     return missing
 
 
@@ -132,14 +147,93 @@ def is_like(wanted: Mapping[str, Any], seen: SeenAgent) -> bool:
     return all(a is None or b is None or a == b for a, b in pairs)
 
 
-def _has_other_agents(label: Label, submission: Submission, bound: Mapping[str, int]) -> bool:
-    """Whether agents without events can be found among the tracks that are left."""
-    left = [each for each in submission.agents if each.id not in bound.values()]
-    for wanted in label["agents"]:
-        if wanted["id"] in bound:
-            continue
-        found = next((each for each in left if is_like(wanted, each)), None)
-        if found is None:
-            return False
-        left.remove(found)
-    return True
+RATES: Mapping[str, str] = {
+    "satisfied": "instruction satisfaction rate: scenes that show what was said and nothing else",
+    "false": "scenes that show something else than was said, of all that were submitted",
+    "refused": "instructions without a scene although one could show them",
+    "rightly refused": "instructions that no scene can show, and without one",
+}
+"""Figure -> what it is."""
+
+
+def count_verdicts(
+    verdicts: Sequence[Verdict], rows: Sequence[Mapping[str, Any]]
+) -> dict[str, PlanningShare]:
+    """The figures of `RATES`, each with its n."""
+    counts = Counter(each.outcome for each in verdicts)
+    impossible = sum(bool(row["expected"]["refused"]) for row in rows)
+    possible, made = len(rows) - impossible, counts["satisfied"] + counts["wrong"]
+    return {
+        "satisfied": PlanningShare(counts["satisfied"], possible),
+        "false": PlanningShare(counts["wrong"], made),
+        "refused": PlanningShare(counts["refused"], possible),
+        "rightly refused": PlanningShare(counts["rightly_refused"], impossible),
+    }
+
+
+def to_json(shares: Mapping[str, PlanningShare]) -> dict[str, Any]:
+    """Plain JSON of the figures."""
+    return {name: _to_figure(share) for name, share in shares.items()}
+
+
+def _to_figure(share: PlanningShare) -> dict[str, Any]:
+    return {"right": share.right, "n": share.n, "rate": share.rate, "interval": share.interval}
+
+
+def to_markdown(shares: Mapping[str, PlanningShare], verdicts: Sequence[Verdict]) -> str:
+    """The figures, and why scenes are wrong."""
+    rows = [[RATES[name], f"{s.right} / {s.n}", format_share(_to_figure(s))]
+            for name, s in shares.items()]  # fmt: skip
+    reasons = Counter[str]()
+    for each in verdicts:
+        if each.outcome == "wrong":  # counted without numbers, names and quotes
+            words = (each.reason or "").split()
+            reasons[" ".join(words[: 2 if words[:1] == ["unasked"] else 4])] += 1
+    parts = [format_table(["figure", "count", "share [95 %]"], rows)]
+    if reasons:
+        parts.append(format_table(["why scenes are wrong", "scenes"],
+                                  [[k, str(n)] for k, n in reasons.most_common()]))  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+def format_share(figure: Mapping[str, Any]) -> str:
+    """Format `rate` and `interval` in percent."""
+    if figure["rate"] is None:
+        return "–"
+    low, high = figure["interval"]
+    return f"{100 * figure['rate']:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
+
+
+def read_submission(folder: Path, identity: str, *, intersection: str) -> Submission | None:
+    """What was submitted for an instruction; None where nothing was.
+
+    Args:
+        folder: holds `ID/scene.json` (as `scenewright batch` writes it) or `ID.SUFFIX`, tracks in
+            any format that `verify` reads.
+        intersection: map of the tracks; a scene.json names its own.
+
+    Raises:
+        InputError: more than one file for an instruction.
+    """
+    name = choose_folder(identity)
+    if (folder / name / "scene.json").is_file():
+        # A scene of ours: its tracks, and whether its proof and its account of words hold.
+        record, proof, fault = load_scene(folder / name), verify(folder / name), None
+        if not proof.verified:
+            fault = "the checker does not confirm the scene"
+        elif proof.verdict == "partly":
+            fault = proof.describe_verdict()
+        agents = see_agents(read_users(record), load_map(record.meta.intersection))
+        events = (*proof.events, *proof.incidental)
+        return Submission(agents, events, record.meta.time_of_day, fault)
+    files = sorted(path for path in folder.glob(f"{name}.*") if path.is_file())
+    if len(files) > 1:
+        raise InputError(f"{files[0]} and {files[1]} are both for {identity}; keep one")
+    if not files:
+        return None
+    try:
+        tracks = load_tracks(files[0])
+    except InputError as error:  # what cannot be read speaks against it
+        return Submission((), (), fault=f"cannot be read: {error}")
+    agents = see_agents(tracks.users, load_map(intersection))
+    return Submission(agents, verify_tracks(tracks, intersection=intersection))

@@ -52,10 +52,16 @@ def see_agents(users: Iterable[RoadUser], intersection: IntersectionMap) -> list
     found = []
     turns = {(each.entry, each.exit): each.turn for each in intersection.movements}
     for user in users:
-        if user.shape.type == "pedestrian":
-            found.append(_see_pedestrian(user, intersection))
-            continue
         xy = user.track.xy
+        if user.shape.type == "pedestrian":
+            way = geos.LineString(xy) if len(xy) > 1 else geos.LineString()
+            walks = ((each.leg, geos.Polygon(each.polygon)) for each in intersection.crosswalks)
+            used = frozenset(leg for leg, area in walks if way.intersection(area).length > _CROSSED)
+            road = (geos.Polygon(area.exterior, area.holes) for area in intersection.road)
+            on_road = sum(way.intersection(area).length for area in road) > _CROSSED
+            movement = "crossing" if used else "jaywalking" if on_road else None
+            found.append(SeenAgent(user.id, "pedestrian", None, None, movement, used))
+            continue
         entry, leaving = _find_leg(xy, intersection), _find_leg(xy[::-1], intersection)
         movement = turns.get((entry, leaving)) if entry and leaving else None
         found.append(SeenAgent(user.id, user.shape.type, entry, leaving, movement, frozenset()))
@@ -80,20 +86,3 @@ def _find_leg(xy: FloatArray, intersection: IntersectionMap) -> Compass | None:
 
 def _differ(a: float, b: float) -> float:
     return abs(math.remainder(a - b, math.tau))
-
-
-def _see_pedestrian(user: RoadUser, intersection: IntersectionMap) -> SeenAgent:
-    way = geos.LineString(user.track.xy) if len(user.track.xy) > 1 else None
-    used = frozenset(
-        crosswalk.leg
-        for crosswalk in intersection.crosswalks
-        if way is not None and way.intersection(geos.Polygon(crosswalk.polygon)).length > _CROSSED
-    )
-    movement = "crossing" if used else None
-    if way is not None and not used:
-        on_road = sum(
-            way.intersection(geos.Polygon(area.exterior, area.holes)).length
-            for area in intersection.road
-        )
-        movement = "jaywalking" if on_road > _CROSSED else None
-    return SeenAgent(user.id, "pedestrian", None, None, movement, used)

@@ -34,7 +34,7 @@ from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.geometry.polyline import compute_normals
 from scenewright.intersections import find_bundle_folder
-from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.base import FloatArray
 from scenewright.scene.record import SceneRecord
 
 BAR = 0.8
@@ -198,21 +198,16 @@ def compare_speeds(
     found = []
     for kind in CLASSES:
         for what, least in (("speed", 0.0), ("speed of who is never slow", UNIMPEDED[kind])):
-            values = [_list_top_speeds(s, kind, least) for s in (ours, corpus.beside, corpus.whole)]
+            values = []
+            for scenes in (ours, corpus.beside, corpus.whole):
+                users = (u for s in scenes for u in s.scene.users if u.shape.type == kind)
+                done = (compute_kinematics(user.track.xy).speed for user in users)
+                kept = (speed for speed in done if len(speed) >= _LONG and speed.min() >= least)
+                moving = (speed[speed > STANDING] for speed in kept)
+                top = [np.quantile(speed, _TOP) for speed in moving if len(speed) >= _LONG]
+                values.append(np.array(top, dtype=np.float64).reshape(-1, 1))
             found += _compare_spread(what, kind, "m/s", values, draws, seed)
     return found
-
-
-def _list_top_speeds(
-    scenes: Sequence[ObservedTracks], kind: AgentClass, least: float
-) -> FloatArray:
-    """[n, 1] the 90 % quantile of each agent's speed while it moves [m/s]."""
-    users = (u for each in scenes for u in each.scene.users if u.shape.type == kind)
-    done = (compute_kinematics(user.track.xy).speed for user in users)
-    kept = (speed for speed in done if len(speed) >= _LONG and speed.min() >= least)
-    moving = (speed[speed > STANDING] for speed in kept)
-    top = [np.quantile(speed, _TOP) for speed in moving if len(speed) >= _LONG]
-    return np.array(top, dtype=np.float64).reshape(-1, 1)
 
 
 def compare_events(

@@ -28,6 +28,7 @@ from scenewright.evals.bootstrap import (
     resample_ratio,
 )
 from scenewright.evals.tables.reading import Dataset
+from scenewright.geometry.map_areas import geos
 from scenewright.geometry.polyline import measure_arc_lengths, resample_to_count
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import K
@@ -131,22 +132,16 @@ def find_nearest_on(xy: FloatArray, points: FloatArray) -> tuple[FloatArray, NDA
     A point before the track's beginning or beyond its end is not passed, nor one further away than
     a lane is wide: where a track turns a corner, what it never reached may lie beside it.
     """
-    if len(xy) < 2:
+    length = measure_arc_lengths(xy)[-1]
+    if length == 0.0:
         off = np.hypot(*(points - xy[0]).T)
         return np.broadcast_to(xy[0], points.shape).copy(), off < _THE_SAME
-    start, step = xy[:-1], np.diff(xy, axis=0)
-    length = np.maximum((step**2).sum(axis=1), 1e-12)
-    away = points[:, None, :] - start
-    share = np.clip((away * step).sum(axis=2) / length, 0.0, 1.0)
-    places = start + share[..., None] * step
-    far = np.hypot(*np.moveaxis(points[:, None, :] - places, 2, 0))
-    rows, best = np.arange(len(points)), far.argmin(axis=1)
-    # By distance driven, not by sample: an agent standing at the end has many samples there.
-    along = measure_arc_lengths(xy)
-    at = along[best] + share[rows, best] * (along[best + 1] - along[best])
-    within = (at > _AT_AN_END) & (at < along[-1] - _AT_AN_END)
-    off = far[rows, best]
-    return places[rows, best], (within & (off < _BESIDE)) | (off < _THE_SAME)
+    line = geos.LineString(xy)
+    at = geos.line_locate_point(line, geos.points(points))
+    places = geos.get_coordinates(geos.line_interpolate_point(line, at))
+    off = np.hypot(*(points - places).T)
+    within = (at > _AT_AN_END) & (at < length - _AT_AN_END)
+    return places, (within & (off < _BESIDE)) | (off < _THE_SAME)
 
 
 def compute_gap(
@@ -163,22 +158,18 @@ def compute_gap(
         return None
     (nll, again), (base, against) = (
         (
-            total.sum() / count.sum(),
+            float(total.sum() / count.sum()),
             resample_ratio(total, count, draw_resamples(len(count), draws=draws, seed=rng)),
         )
         for total, count in (ours.T, reference.T)
     )
     return Gap(
-        agents=len(scores),
-        scenes=len(ours),
-        nll=float(nll),
-        normal=float(base),
+        agents=len(scores), scenes=len(ours), nll=nll, normal=base,
         median=float(np.median([each.nll[reading] for each in scores])),
-        s2r=float((base - nll) / base),
-        delta=float((nll - base) / K),
+        s2r=(base - nll) / base, delta=(nll - base) / K,
         s2r_interval=compute_interval((against - again) / against),
         delta_interval=compute_interval((again - against) / K),
-    )
+    )  # fmt: skip
 
 
 def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
@@ -187,14 +178,6 @@ def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
     for each in scores:
         found.setdefault(each.scene, []).append(each.nll[reading])
     return np.array([[sum(values), len(values)] for values in found.values()]).reshape(-1, 2)
-
-
-def get_event_group(scene: SceneRecord) -> str | None:
-    """The event that a scene was made for, `normal` for none; None where they are of many kinds."""
-    kinds = {relation.type for relation in scene.relations}
-    if len(kinds) > 1:
-        return None
-    return next(iter(kinds), "normal")
 
 
 ROLES: tuple[Role, ...] = ("foreground", "background")
@@ -250,10 +233,11 @@ def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
     left: Counter[Unscored] = Counter({"assumed": 0, "standing": 0, "riders": 0})
     mixed = 0
     for number, scene in dataset.read_scenes(dataset.rows):
-        group = get_event_group(scene)
-        if group is None:
+        kinds = {relation.type for relation in scene.relations}
+        if len(kinds) > 1:
             mixed += 1
             continue
+        group = next(iter(kinds), "normal")
         priors = load_priors(scene.meta.intersection)
         found, without = score_scene(scene, priors, number=number, group=group)
         scores[dataset.rows[number].backend] += found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -63,25 +64,20 @@ def read_dataset(folder: Path) -> Dataset:
     """
     manifest = read_manifest(folder)
     try:
-        rows = tuple(
-            _read_instruction(row)
-            for name in ("scenes", "refused")
-            for row in read_table(folder / "tables", name, _COLUMNS)
-        )
+        tables = [read_table(folder / "tables", name, _COLUMNS) for name in ("scenes", "refused")]
+        rows = []
+        for row in chain.from_iterable(tables):
+            made = "folder" in row
+            kinds = set(row["relations"]) if made else set()
+            seen = None if not made or len(kinds) > 1 else next(iter(kinds), "normal")
+            event, asked = row["asked"] or seen, row["asked"] is not None
+            # A scene that shows something else than was asked for does not satisfy it.
+            right = made and bool(row["verified"]) and seen in (event, None)
+            scope = asked or row.get("code") not in ("unusable_input", "out_of_scope")
+            rows.append(InstructionRow(row.get("folder"), row["backend"], event, right, scope))
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"cannot read the tables of {folder}: {error}") from error
-    return Dataset(folder, manifest, rows)
-
-
-def _read_instruction(row: Mapping[str, Any]) -> InstructionRow:
-    made = "folder" in row
-    kinds = set(row["relations"]) if made else set()
-    seen = None if not made or len(kinds) > 1 else next(iter(kinds), "normal")
-    event = row["asked"] or seen
-    # A scene that shows something else than was asked for does not satisfy the instruction.
-    right = made and bool(row["verified"]) and seen in (event, None)
-    scope = row["asked"] is not None or row.get("code") not in ("unusable_input", "out_of_scope")
-    return InstructionRow(row.get("folder"), row["backend"], event, right, scope)
+    return Dataset(folder, manifest, tuple(rows))
 
 
 def find_commit() -> str | None:

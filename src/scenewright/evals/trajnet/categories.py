@@ -60,11 +60,7 @@ def categorise(primary: FloatArray, others: FloatArray) -> tuple[int, tuple[int,
         return OTHER, ()
     following = (ahead & _is_within(motion, 0.0, _CONE)).sum(axis=1) >= _FOLLOWING
     meeting = ahead & _is_within(motion, 180.0, _CONE)
-    found = {
-        LEADER_FOLLOWER: following.any(),
-        AVOIDANCE: meeting.any(),
-        GROUP: group.any(),
-    }
+    found = {LEADER_FOLLOWER: following.any(), AVOIDANCE: meeting.any(), GROUP: group.any()}
     return INTERACTING, tuple(k for k, yes in found.items() if yes) or (OTHER_INTERACTION,)
 
 

@@ -15,12 +15,7 @@ from scenewright.errors import InputError
 from scenewright.evals.bootstrap import Figure, compute_mean, draw_resamples
 from scenewright.evals.trajnet.categories import SUBTYPE_NAMES, TYPE_NAMES, categorise
 from scenewright.evals.trajnet.predictors import Predictor, Refining, predict_constant_velocity
-from scenewright.evals.trajnet.recording import (
-    OBSERVED,
-    PREDICTED,
-    BenchmarkRecording,
-    SceneRow,
-)
+from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, BenchmarkRecording, SceneRow
 from scenewright.scene.base import FloatArray
 
 Goals = Literal["none", "destination", "horizon"]

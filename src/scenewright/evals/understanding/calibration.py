@@ -17,8 +17,8 @@ import numpy as np
 from scipy.special import logit, softmax
 
 from scenewright.evals.understanding.boosted_trees import BoostedTrees, IntArray
+from scenewright.evals.understanding.cases import PairRelation
 from scenewright.evals.understanding.forecast import SceneForecast
-from scenewright.evals.understanding.labels import PairRelation
 from scenewright.evals.understanding.pair_features import (
     NAMES,
     compute_pair_features,
@@ -121,7 +121,7 @@ class Calibration(BoostedTrees):
         return np.asarray(softmax(raw, axis=1))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def load_calibration(file: Path = _SHIPPED) -> Calibration:
     """Load the calibration in a file; the shipped one if none is named.
 
@@ -154,15 +154,13 @@ def select_relations(
     return selected
 
 
-def predict_relations(
-    forecast: SceneForecast, *, window: float, calibration: Calibration | None = None
-) -> tuple[PairRelation, ...]:
+def predict_relations(forecast: SceneForecast, *, window: float) -> tuple[PairRelation, ...]:
     """Predict the relations that are likely enough, the likeliest first, one for each agent.
 
     Args:
-        window: length of the observation [s]; calibration: the shipped one if None.
+        window: length of the observation [s].
     """
-    trees, features = calibration or load_calibration(), compute_pair_features(forecast, window)
+    trees, features = load_calibration(), compute_pair_features(forecast, window)
     if not features:
         return ()
     pairs = [(each.a, each.b) for each in features]

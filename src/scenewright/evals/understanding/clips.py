@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenewright.evals.understanding.cases import SceneCase, read_case
-from scenewright.evals.understanding.labels import RELATIONS, extract_labels
+from scenewright.evals.understanding.cases import RELATIONS, SceneCase, extract_labels, read_case
 from scenewright.evals.understanding.observation import hash_scene
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.graph.written_proof import read_proof
@@ -25,7 +24,6 @@ from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker import (
-    Trajectory,
     build_trajectories,
     compute_path_ttc,
     find_common_times,
@@ -94,9 +92,18 @@ def read_source(folder: Path) -> ClipSource:
     case, proof = read_case(folder), read_proof(folder / "proof.json")
     tracks = {track.id: track for track in build_trajectories(read_users(case.record))}
     found = [e for e in (*proof.events, *proof.incidental) if e.type in RELATIONS]
-    events = tuple(
-        ForeseenEvent(e, find_decision_time(e, tracks[e.from_], tracks[e.to])) for e in found
-    )
+    foreseen = []
+    for event in found:
+        # It can be seen coming from a path TTC below 3 s, or from slowing for it.
+        one, two = tracks[event.from_], tracks[event.to]
+        times = find_common_times(one, two)
+        times = times[(times >= event.time - LOOK_BACK) & (times <= event.time + 1e-6)]
+        decided = min(float(event.evidence.get("begins_to_slow", event.time)), event.time)
+        if len(times):
+            ttc = compute_path_ttc(one, two, times=times, horizon=THREAT)
+            decided = min([decided, *times[ttc < THREAT][:1].tolist()])
+        foreseen.append(ForeseenEvent(event, decided))
+    events = tuple(foreseen)
     asked = [e for e in events if e.event in proof.events]
     named = min(asked, key=lambda e: RELATIONS.index(e.event.type), default=None)
     spans = {k: (float(t.times[0]), float(t.times[-1])) for k, t in tracks.items()}
@@ -108,17 +115,6 @@ def read_source(folder: Path) -> ClipSource:
             if (apart < NEAR).any():
                 near.append((one.id, two.id, times[apart < NEAR]))
     return ClipSource(case, proof, events, named, spans, tuple(near))
-
-
-def find_decision_time(event: Event, one: Trajectory, two: Trajectory) -> float:
-    """Time [s] from which an event can be seen coming: path TTC below 3 s, or slowing for it."""
-    times = find_common_times(one, two)
-    times = times[(times >= event.time - LOOK_BACK) & (times <= event.time + 1e-6)]
-    slows = float(event.evidence.get("begins_to_slow", event.time))
-    if not len(times):
-        return min(slows, event.time)
-    near = np.flatnonzero(compute_path_ttc(one, two, times=times, horizon=THREAT) < THREAT)
-    return min(slows, event.time, float(times[near[0]]) if len(near) else event.time)
 
 
 def list_event_starts(source: ClipSource) -> list[float]:

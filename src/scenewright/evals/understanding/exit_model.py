@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
 from scenewright.evals.understanding.boosted_trees import BoostedTrees
@@ -73,7 +72,19 @@ def describe_exits(
     chances = posterior.weights @ possible
     found = np.flatnonzero(chances >= _LEAST)
     log = np.log(chances[found])
-    rows = np.array([_describe_exit(posterior, possible[:, e]) for e in found])
+    components, rows = posterior.components, []
+    for mine in possible[:, found].T:  # `share` to `bend_20` of `OF_EXIT`
+        top = int(np.where(mine, posterior.log, -np.inf).argmax())
+        c = posterior.kept[top]
+        here, movement = components.s[c, posterior.nearest[top]], components.routes[c].movement
+        shares = (np.logaddexp.reduce(each) for each in (posterior.share[mine], posterior.share))
+        rows.append([
+            np.subtract(*shares), posterior.log[top], abs(posterior.off[top, -3]),
+            abs(posterior.off[top, -1]), min(components.line[c] - here, _FAR),
+            components.s[c, -1] - here,
+            *(float(movement == each) for each in ("straight", "left", "right", "uturn")),
+            *np.interp(here + np.array(_AHEAD), components.s[c], components.bend[c, 1]),
+        ])  # fmt: skip
     lead = np.sort(log)[::-1]
     speed, heading = agent.speed, agent.heading
     own = [
@@ -84,46 +95,21 @@ def describe_exits(
         float(heading[-1] - heading[-min(6, len(heading))]), float(chances.max()),
         float(lead[0] - lead[1]) if len(lead) > 1 else -np.log(_LEAST), float(len(found)), window,
     ]  # fmt: skip
-    values = np.column_stack([log, log - log.max(), rows, np.tile(own, (len(found), 1))])
+    values = np.column_stack([log, log - log.max(), np.array(rows), np.tile(own, (len(rows), 1))])
     return ExitCandidates(tuple(sides[e] for e in found.tolist()), values)
 
 
-def _describe_exit(posterior: RoutePosterior, mine: NDArray[np.bool_]) -> list[float]:
-    """`share` to `bend_20` of `OF_EXIT`; mine: [M] the components of this exit."""
-    components, kept = posterior.components, posterior.kept
-    top = int(np.where(mine, posterior.log, -np.inf).argmax())
-    c, here = kept[top], components.s[kept[top], posterior.nearest[top]]
-    movement = components.routes[c].movement
-    ahead = np.interp(here + np.array(_AHEAD), components.s[c], components.bend[c, 1])
-    return [
-        float(np.logaddexp.reduce(posterior.share[mine]) - np.logaddexp.reduce(posterior.share)),
-        float(posterior.log[top]), abs(float(posterior.off[top, -3])),
-        abs(float(posterior.off[top, -1])), float(min(components.line[c] - here, _FAR)),
-        float(components.s[c, -1] - here),
-        *(float(movement == each) for each in ("straight", "left", "right", "uturn")),
-        *ahead.tolist(),
-    ]  # fmt: skip
-
-
 def weigh_exits(
-    agent: ObservedAgent,
-    posterior: RoutePosterior,
-    sides: Sequence[str],
-    *,
-    window: float,
+    agent: ObservedAgent, posterior: RoutePosterior, sides: Sequence[str], *, window: float
 ) -> FloatArray:
     """[E] probability of every side of the map."""
     candidates = describe_exits(agent, posterior, sides, window)
-    weights = load_exit_model().weigh(candidates.values)
-    found = dict(zip(candidates.sides, weights.tolist(), strict=True))
+    weights = load_exit_model().weigh(candidates.values).tolist()
+    found = dict(zip(candidates.sides, weights, strict=True))
     return np.array([found.get(side, 0.0) for side in sides])
 
 
 @lru_cache(maxsize=2)
 def load_exit_model(file: Path = _SHIPPED) -> ExitModel:
-    """Load the model in a file; the shipped one if none is named.
-
-    Raises:
-        InputError: missing, damaged, or for other features.
-    """
+    """Load the model in a file; the shipped one if none is named. Raises as `BoostedTrees.load`."""
     return ExitModel.load(file, names=NAMES, what="exit model")

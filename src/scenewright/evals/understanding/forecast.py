@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
+from scenewright.evals.understanding.intent import RoutePosterior
 from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import (
     RouteComponents,
@@ -144,27 +144,24 @@ class _DriveForecast:
 
 
 def forecast_scene(
-    observation: ObservedScene, known: Mapping[str, RoutePosterior] | None = None
+    observation: ObservedScene, known: Mapping[str, RoutePosterior]
 ) -> SceneForecast:
     """Sample `SIZE` futures of every agent still on the map.
 
     Each agent's random numbers come from its own motion, so that ids and order do not matter.
 
     Args:
-        known: posteriors by agent, if they exist already.
+        known: posteriors by agent.
     """
     intersection_map = load_map(observation.intersection)
     agents = tuple(agent for agent in observation.agents if not agent.left)
-    known = infer_routes(observation) if known is None else known
     posteriors = tuple(known[agent.id] for agent in agents)
     rngs = [_seed_rng(agent.xy) for agent in agents]
     drives = [_sample_drive(*each) for each in zip(agents, posteriors, rngs, strict=True)]
     program, offsets = intersection_map.signals, _sample_offsets(intersection_map, observation)
     clock = None if offsets is None else observation.now + offsets
-    stops: dict[int, _Stops] = {}
-    futures: dict[int, AgentForecast] = {}
-    unslowed: dict[int, AgentForecast] = {}
-    delay: dict[int, float] = {}
+    stops = dict[int, _Stops]()
+    found = dict[int, tuple[AgentForecast, AgentForecast, float]]()
     # Agents ahead are forecast before those behind them.
     order = [float(np.median(drive.line - drive.begins)) for drive in drives]
     for n in sorted(range(len(agents)), key=order.__getitem__):
@@ -172,14 +169,12 @@ def forecast_scene(
         drive, plan = _ignore_stops(drives[n], stops[n], rngs[n])
         squared = interpolate_rows(drive.begins[:, None], drive.s, drive.squared_limit)
         future = _sample_track(drive, plan, np.sqrt(np.maximum(squared, 0))[:, 0])
-        futures[n], unslowed[n] = future, _forecast_unslowed(drive, future, plan)
         lost = np.where(future.held, 0.0, future.free - drive.speed)
-        delay[n] = find_weighted_quantile(lost, future.weight, 0.5)
-    each = range(len(agents))
-    return SceneForecast(
-        agents, posteriors, tuple(futures[n] for n in each), tuple(unslowed[n] for n in each),
-        np.array([delay[n] for n in each]),
-    )  # fmt: skip
+        delay = find_weighted_quantile(lost, future.weight, 0.5)
+        found[n] = future, _forecast_unslowed(drive, future, plan), delay
+    rows = [found[n] for n in range(len(agents))]
+    futures, unslowed = tuple(row[0] for row in rows), tuple(row[1] for row in rows)
+    return SceneForecast(agents, posteriors, futures, unslowed, np.array([row[2] for row in rows]))
 
 
 def find_weighted_quantile(values: FloatArray, weight: FloatArray, share: float) -> float:
@@ -344,23 +339,19 @@ def _plan_stops(
             mine = np.array([group == name for group in groups])
             green = is_showing(program, name, moment, ("green",))
             at_red = mine & before & ~green & np.isfinite(reaches)
-            waits = reaches + _wait_for_green(program, name, moment) + lag
+            # Time until green from moments of the programme.
+            grid = np.arange(0.0, program.cycle, 0.25)
+            shown = np.tile(is_showing(program, name, grid, ("green",)), 2)
+            index = np.where(shown, np.arange(len(shown)), len(shown))
+            following = np.minimum.accumulate(index[::-1])[::-1][: len(grid)]
+            at = (moment % program.cycle / 0.25).astype(np.intp) % len(grid)
+            waits = reaches + (following[at] - at) * 0.25 + lag
             place = np.where(at_red, np.maximum(drive.line - gap, drive.begins), place)
             release = np.where(at_red, waits, release)
         plan = _Stops(place, release)
     if leader is None or leader not in earlier:
         return plan
     return _stop_in_queue(drive, drives[leader], earlier[leader], plan, lag)
-
-
-def _wait_for_green(program: SignalProgram, group: str, times: FloatArray) -> FloatArray:
-    """[K] time until green from moments of the programme [s]."""
-    grid = np.arange(0.0, program.cycle, 0.25)
-    green = np.tile(is_showing(program, group, grid, ("green",)), 2)
-    index = np.where(green, np.arange(len(green)), len(green))
-    following = np.minimum.accumulate(index[::-1])[::-1][: len(grid)]
-    at = (times % program.cycle / 0.25).astype(np.intp) % len(grid)
-    return np.asarray((following[at] - at) * 0.25)
 
 
 def _stop_in_queue(
@@ -399,12 +390,15 @@ def _ignore_stops(
     return changed, plan._replace(place=np.where(runs, np.inf, place))
 
 
-def _compute_profile(drive: _DriveForecast, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """[K, P+2] nodes [m] with the present position and the stop, and squared speed there."""
-    stop = np.where(np.isfinite(place), place, drive.s[:, -1])[:, None]
-    stops = np.isfinite(place)[:, None]
+def _compute_times(drive: _DriveForecast, plan: _Stops) -> tuple[FloatArray, FloatArray]:
+    """[K, P+2] nodes [m], strictly rising for interpolation, and when each is reached [s].
+
+    Nodes are the present position and the stop as well.
+    """
+    stops = np.isfinite(plan.place)[:, None]
+    stop = np.where(stops, plan.place[:, None], drive.s[:, -1:])
     nodes = np.sort(np.concatenate([drive.s, drive.begins[:, None], stop], axis=1), axis=1)
-    w = interpolate_rows(nodes, drive.s, drive.squared_limit)
+    w = interpolate_rows(nodes, drive.s, drive.squared_limit)  # squared speed
     v0, braking, push = drive.speed, drive.law[:, 2:3], drive.law[:, 1:2]
     ahead = nodes - drive.begins[:, None]
     held = stops & (nodes <= stop + 1e-9)
@@ -413,23 +407,16 @@ def _compute_profile(drive: _DriveForecast, place: FloatArray) -> tuple[FloatArr
     w = np.where(stops & (nodes > stop), np.minimum(w, 2.0 * push * (nodes - stop)), w)
     slowest = v0**2 - 2.0 * _HARDEST * np.maximum(ahead, 0.0)
     w = np.maximum(w, np.where(held & (ahead >= 0), np.minimum(slowest, w + 1e9), slowest))
-    return nodes, np.maximum(w, 0.0)
-
-
-def _compute_times(drive: _DriveForecast, plan: _Stops) -> tuple[FloatArray, FloatArray]:
-    """[K, P+2] nodes [m], strictly rising for interpolation, and when each is reached [s]."""
-    nodes, w = _compute_profile(drive, plan.place)
-    v = np.sqrt(w)
+    v = np.sqrt(np.maximum(w, 0.0))
     dt = 2.0 * np.diff(nodes, axis=1) / np.maximum(v[:, 1:] + v[:, :-1], 2 * _CREEP)
     times, rising = np.zeros(nodes.shape), nodes + 1e-9 * np.arange(nodes.shape[1])
     np.cumsum(dt, axis=1, out=times[:, 1:])
     times -= interpolate_rows(drive.begins[:, None], rising, times)
-    held = np.isfinite(plan.place)[:, None]
-    if held.any():
-        stop = np.where(held, plan.place[:, None], 0.0)
+    if stops.any():
+        stop = np.where(stops, plan.place[:, None], 0.0)
         comes = interpolate_rows(stop, rising, times)
-        wait = np.where(held, np.maximum(plan.release[:, None] - comes, 0.0), 0.0)
-        times = np.where(held & (nodes > stop + 1e-6), times + wait, times)
+        wait = np.where(stops, np.maximum(plan.release[:, None] - comes, 0.0), 0.0)
+        times = np.where(stops & (nodes > stop + 1e-6), times + wait, times)
     return nodes, times
 
 

@@ -18,6 +18,7 @@ from scenewright.evals.understanding.route_components import (
     interpolate_rows,
     load_components,
 )
+from scenewright.geometry.map_areas import geos
 from scenewright.geometry.polyline import interpolate_points
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
@@ -66,10 +67,8 @@ class RoutePosterior:
 def infer_routes(observation: ObservedScene) -> dict[str, RoutePosterior]:
     """Compute the posterior of every observed agent."""
     place, hour = observation.intersection, observation.hour
-    return {
-        agent.id: _infer_route(agent, load_components(place, agent.type), hour)
-        for agent in observation.agents
-    }
+    agents = ((agent, load_components(place, agent.type)) for agent in observation.agents)
+    return {agent.id: _infer_route(agent, components, hour) for agent, components in agents}
 
 
 def _infer_route(agent: ObservedAgent, components: RouteComponents, hour: int) -> RoutePosterior:
@@ -152,12 +151,8 @@ def find_nearest_mean(agent: ObservedAgent, *, intersection: str) -> str:
     Distances are from the samples to the mean trajectory, on average.
     """
     components = load_components(intersection, agent.type)
-    xy = agent.xy[_pick_samples(agent)][None, :, None]
-    chord = np.diff(components.curve, axis=1)[:, None]
-    from_start = xy - components.curve[:, None, :-1]
-    along = (from_start * chord).sum(axis=-1) / np.maximum(np.square(chord).sum(axis=-1), 1e-9)
-    away = from_start - np.clip(along, 0.0, 1.0)[..., None] * chord
-    apart = np.sqrt(np.square(away).sum(axis=-1).min(axis=-1))
+    samples = geos.points(agent.xy[_pick_samples(agent)])
+    apart = geos.distance(geos.linestrings(components.curve)[:, None], samples)
     return components.routes[int(apart.mean(axis=1).argmin())].exit
 
 

@@ -17,12 +17,13 @@ from scenewright.evals.understanding.forecast import (
 )
 from scenewright.evals.understanding.interaction_graph import (
     CLOSE,
+    NEVER,
     AgentPair,
     InteractionGraph,
+    TimeGaps,
     build_interaction_graph,
 )
 from scenewright.evals.understanding.observation import ObservedAgent
-from scenewright.evals.understanding.time_gaps import NEVER, TimeGaps
 from scenewright.evals.understanding.zone_features import (
     IN_ZONE,
     OF_ZONE,

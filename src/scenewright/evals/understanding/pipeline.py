@@ -2,7 +2,7 @@
 
     observe -> intend -> predict -> describe -> judge -> report
 
-Every method but the oracles runs through it; `MethodSettings` choose what predicts exits and
+Every method but `oracle_seen` runs through it; `MethodSettings` choose what predicts exits and
 relations. Where a language model does, an answer that does not fit goes back to it with the reason;
 when its attempts are spent, the statistical model and the rule checker answer instead.
 """
@@ -27,9 +27,12 @@ from scenewright.evals.understanding.intent import (
     find_nearest_waypoints,
     infer_routes,
 )
-from scenewright.evals.understanding.language_model import ask_about_scene, require_language_model
+from scenewright.evals.understanding.language_model import (
+    ask_about_scene,
+    describe_scene,
+    require_language_model,
+)
 from scenewright.evals.understanding.observation import ObservationRow, to_arrays
-from scenewright.evals.understanding.oracle import predict_with_events, predict_with_routes
 from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.evals.understanding.rule_baseline import (
@@ -39,7 +42,6 @@ from scenewright.evals.understanding.rule_baseline import (
     predict_constant_velocity,
     to_relations,
 )
-from scenewright.evals.understanding.scene_description import describe_scene
 from scenewright.intersections import load_map, ships_refiner
 
 ATTEMPTS = 3
@@ -61,6 +63,13 @@ class MethodSettings:
     predict: TrackPredictor | None = None
     predictor: str = ""
     backend: Backend | None = None
+
+
+_STATISTICAL = {
+    "gmm": MethodSettings("nearest", "none"),
+    "gmm_waypoints": MethodSettings("waypoints", "none"),
+    "reasoner": MethodSettings("posterior", "futures"),
+}
 
 
 def understand(row: ObservationRow, settings: MethodSettings) -> ScenePrediction:
@@ -113,13 +122,20 @@ def understand(row: ObservationRow, settings: MethodSettings) -> ScenePrediction
     return by_rules
 
 
+def predict_with_events(row: ObservationRow, case: SceneCase) -> ScenePrediction:
+    """Predict as `oracle_seen`: every event among the observed agents, none of those to come."""
+    ids, labels = {agent.id for agent in row.agents}, case.labels
+    relations = {r.key: r for r in labels.relations if {r.from_, r.to} <= ids}
+    exits = {agent.id: labels.exits[agent.id] for agent in row.agents}
+    return ScenePrediction(exits, tuple(relations.values()))
+
+
 METHODS = (
-    "gmm", "gmm_waypoints", "trajnet", "constant_velocity", "reasoner", "agent", "oracle",
-    "oracle_seen",
+    "gmm", "gmm_waypoints", "trajnet", "constant_velocity", "reasoner", "agent", "oracle_seen"
 )  # fmt: skip
 
 Predict = Callable[[ObservationRow, SceneCase], ScenePrediction]
-"""Only oracles look at the case."""
+"""Only `oracle_seen` looks at the case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,30 +162,20 @@ def find_method(name: str, *, intersection: str, backend: Backend | None = None)
             f"there is no method {name!r}; name a file of predictions (.jsonl) or one of: "
             f"{', '.join(METHODS)}"
         )
-    if name == "oracle":
-        return Method(name, predict_with_routes)
     if name == "oracle_seen":
         return Method(name, predict_with_events)
-    settings = _choose_settings(name, intersection, backend)
-    shown = f"agent ({settings.backend.name})" if settings.backend is not None else name
-    return Method(shown, lambda row, _: understand(row, settings), settings.predictor or None)
-
-
-def _choose_settings(name: str, intersection: str, backend: Backend | None) -> MethodSettings:
-    if name == "gmm":
-        return MethodSettings("nearest", "none")
-    if name == "gmm_waypoints":
-        return MethodSettings("waypoints", "none")
-    if name == "reasoner":
-        return MethodSettings("posterior", "futures")
     if name == "agent" and backend is None:
         raise InputError("the method agent needs --backend: the language model to ask")
-    if name == "trajnet" or (name == "agent" and ships_refiner(intersection)):
-        predictor = (load_trajnet(intersection), "TrajNet++")
+    if name in _STATISTICAL:
+        settings = _STATISTICAL[name]
     else:
-        predictor = (predict_constant_velocity, "constant velocity")
-    if name != "agent" or backend is None:
-        return MethodSettings("none", "rules", *predictor)
-    return MethodSettings(
-        "posterior", "language_model", *predictor, require_language_model(backend)
-    )  # fmt: skip
+        if name == "trajnet" or (name == "agent" and ships_refiner(intersection)):
+            predictor = (load_trajnet(intersection), "TrajNet++")
+        else:
+            predictor = (predict_constant_velocity, "constant velocity")
+        settings = MethodSettings("none", "rules", *predictor)
+        if name == "agent" and backend is not None:
+            model = require_language_model(backend)
+            settings = MethodSettings("posterior", "language_model", *predictor, model)
+            name = f"agent ({model.name})"
+    return Method(name, lambda row, _: understand(row, settings), settings.predictor or None)

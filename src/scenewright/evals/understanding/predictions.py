@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from scenewright.errors import InputError
-from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.cases import PairRelation
 from scenewright.evals.understanding.observation import ObservationRow
 from scenewright.scene.base import Model
 
@@ -120,9 +120,7 @@ def _check_row(
     ids, relations = {agent.id for agent in observation.agents}, row.relations
     for agent in (*(row.exits or ()), *(a for r in relations or () for a in (r.from_, r.to))):
         if agent not in ids:
-            raise InputError(
-                f"{where}: no agent {_shorten(agent)} was seen in that scene by then"
-            )  # fmt: skip
+            raise InputError(f"{where}: no agent {_shorten(agent)} was seen in that scene by then")
     for side in (row.exits or {}).values():
         if side not in sides:
             raise InputError(f"{where}: exit {_shorten(side)} is none of {', '.join(sides)}")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.evals.understanding.labels import RELATIONS, PairRelation
+from scenewright.evals.understanding.cases import RELATIONS, PairRelation
 from scenewright.evals.understanding.observation import ObservedScene
 from scenewright.geometry.polyline import interpolate_points
 from scenewright.intersections import load_map

@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 
 from scenewright.evals.bootstrap import Figure, compute_interval, draw_resamples
-from scenewright.evals.understanding.labels import RELATIONS, Labels
+from scenewright.evals.understanding.cases import RELATIONS, Labels
 from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.scene.base import AgentClass, FloatArray
 
@@ -151,11 +151,7 @@ def count_items(
     visible, said_busy = ({agent for key in keys for agent in key[1:]} for keys in (truth, found))
     for agent in seen if strict else seen - (busy - visible):
         normal, said_normal = agent not in busy, agent not in said_busy
-        counts[0] += (
-            normal and said_normal,
-            said_normal and not normal,
-            normal and not said_normal,
-        )
+        counts[0] += (normal and said_normal, said_normal > normal, normal > said_normal)
     return counts
 
 
@@ -169,12 +165,13 @@ def summarise(
     exits, items, strict = (
         [getattr(each, name) for each in counts] for name in ("exits", "items", "strict")
     )
+    sums = {
+        name: sum(getattr(each, name) for each in counts) for name in ("agents", "unseen", "later")
+    }
     return WindowScores(
         window=window,
         scenes=len(counts),
-        agents=sum(each.agents for each in counts),
-        unseen=sum(each.unseen for each in counts),
-        later=sum(each.later for each in counts),
+        **sums,
         seconds=seconds,
         intent=_summarise_kinds(exits, draws, AGENT_CLASSES, {}, pooled="overall"),
         relations=_summarise_kinds(items, draws, KINDS, _MEANS, pooled="micro"),

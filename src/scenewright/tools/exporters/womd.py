@@ -14,8 +14,7 @@ from scenewright.tools.exporters.womd_example import (
     is_predicted,
     write_example,
 )
-from scenewright.tools.track_io.tfrecord import write_records
-from scenewright.tools.track_io.womd import load_scenario_class
+from scenewright.tools.track_io.womd import load_scenario_class, write_records
 
 WINDOW, CURRENT, EVENT = 91, 10, 60
 """Steps of a scenario of the dataset, which of them is now, and where a window has its event."""

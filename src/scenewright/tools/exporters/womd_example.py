@@ -13,7 +13,7 @@ import numpy as np
 from scenewright.geometry.polyline import measure_distances, resample_by_spacing
 from scenewright.scene.base import FloatArray
 from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.track_io.womd_example import PARTS, STATES, load_example_class
+from scenewright.tools.track_io.womd import PARTS, STATES, load_example_class
 
 OBJECTS, LIGHTS, POINTS = 128, 16, 30_000
 SPACING = 0.5

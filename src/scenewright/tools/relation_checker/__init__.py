@@ -4,28 +4,19 @@
 are public too: contact and clearance, conflict zones and stays, PET, TTC, DRAC, free speed, gaps.
 """
 
-from scenewright.tools.relation_checker.collisions import classify_collision, measure_impact
+from scenewright.tools.relation_checker.collisions import measure_impact
 from scenewright.tools.relation_checker.conflict_zones import (
-    PathConflictZone,
-    ZoneOccupancy,
     find_conflict_zones,
     find_zone_occupancy,
-    get_swept_path,
 )
 from scenewright.tools.relation_checker.contact import (
-    FirstContact,
-    PairGrid,
     build_pair_grid,
     compute_clearance,
     find_common_times,
     find_first_contact,
     find_least_clearance,
 )
-from scenewright.tools.relation_checker.encroachment import (
-    Encounter,
-    compute_pet,
-    find_encounters,
-)
+from scenewright.tools.relation_checker.encroachment import compute_pet, find_encounters
 from scenewright.tools.relation_checker.events import SceneObservation, find_events, observe
 from scenewright.tools.relation_checker.following import find_followings, measure_lane_gaps
 from scenewright.tools.relation_checker.surrogates import (
@@ -46,19 +37,13 @@ from scenewright.tools.relation_checker.yielding import (
 )
 
 __all__ = [
-    "Encounter",
-    "FirstContact",
-    "PairGrid",
-    "PathConflictZone",
     "RoadUser",
     "SceneObservation",
     "Trajectory",
-    "ZoneOccupancy",
     "build_pair_grid",
     "build_trajectories",
     "build_trajectory",
     "check",
-    "classify_collision",
     "compute_approach_speed",
     "compute_clearance",
     "compute_drac",
@@ -74,7 +59,6 @@ __all__ = [
     "find_followings",
     "find_least_clearance",
     "find_zone_occupancy",
-    "get_swept_path",
     "measure_impact",
     "measure_lane_gaps",
     "observe",

@@ -19,11 +19,7 @@ from scenewright.scene.events import Event
 from scenewright.tools.relation_checker.contact import estimate_velocity_before
 from scenewright.tools.relation_checker.events import NEAR_MISS_PET
 from scenewright.tools.relation_checker.footprints import Box, compute_gap, make_pose
-from scenewright.tools.relation_checker.reactions import (
-    NEAR,
-    Perception,
-    Sights,
-)
+from scenewright.tools.relation_checker.reactions import NEAR, Sights
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 HARDEST = {"vehicle": 8.0, "pedestrian": 3.0, "cyclist": 3.5, "scooter": 3.5}
@@ -53,7 +49,12 @@ def find_avoidability(
             continue
         for number, by in ((event.from_, event.to), (event.to, event.from_)):
             view = sights.perceive(tracks[number], tracks[by], event.time)
-            begin, why_not = _find_begin(view, event.time)
+            # From when on it could see the threat: the conflict is perceptible; or, where their
+            # courses never conflict, as in a near miss by a hair, the other is in sight at last.
+            threat = view.near if view.near.any() else view.times >= event.time - NEAR - 1e-6
+            k, reason = view.find_begin(threat)
+            begin = None if k is None else round(float(view.times[k]), 3)
+            why_not = None if k is not None else reason if threat.any() else "not there"
             needed = after = None
             if begin is not None:
                 needed, after = _compute_needed_braking(tracks[number], tracks[by], event, begin)
@@ -74,19 +75,6 @@ def find_avoidability(
     return rows
 
 
-def _find_begin(view: Perception, time: float) -> tuple[float | None, str | None]:
-    """From when on a party could see the threat [s], or why it could not.
-
-    That is when the conflict is perceptible; where their courses never conflict, as in a near miss
-    by a hair, when the other is in sight in the last 3 s.
-    """
-    threat = view.near if view.near.any() else view.times >= time - NEAR - 1e-6
-    begin, why_not = view.find_begin(threat)
-    if begin is not None:
-        return round(float(view.times[begin]), 3), None
-    return None, why_not if threat.any() else "not there"
-
-
 def _compute_needed_braking(
     agent: Trajectory, other: Trajectory, event: Event, begin: float
 ) -> tuple[float | None, float | None]:
@@ -105,8 +93,20 @@ def _compute_needed_braking(
     way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))))
     path = _go_straight_on(way, xy, heading, float(agent.s[k]) + ahead)
     room = _find_room(*path, agent.box, *course, other.box)
+    # How far it may have come, `due` seconds later; with a millimetre of slack: an agent that just
+    # clears the other does not need to brake.
     due = times + lag - begin
-    return tuple(_find_least_braking(speed, room, due, delay) for delay in (0.0, REACTION))  # type: ignore[return-value]
+    bound = (due >= 0.0) & ((room <= 0.0) | (speed * due > room + 1e-3))
+    needed: list[float | None] = []
+    for delay in (0.0, REACTION):
+        left, time = room[bound] - speed * delay, due[bound] - delay
+        if (left <= 0.0).any() or (time <= 0.0).any():
+            needed.append(None)
+            continue
+        slowing, stopping = 2.0 * (speed * time - left) / time**2, speed**2 / (2.0 * left)
+        least = np.where(slowing * time <= speed, slowing, stopping)
+        needed.append(round(float(least.max(initial=0.0)), 3))
+    return needed[0], needed[1]
 
 
 def _cut(track: Trajectory, until: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -130,27 +130,6 @@ def _go_straight_on(
     beyond = speed * np.maximum(at - known[-1], 0.0)[:, None] * ahead
     there = np.stack([np.interp(at, known, xy[:, axis]) for axis in (0, 1)], axis=1)
     return there + beyond, np.interp(at, known, heading)
-
-
-def _find_least_braking(
-    speed: float, room: FloatArray, due: FloatArray, delay: float
-) -> float | None:
-    """The least constant braking [m/s^2] with which an agent is never too far; None without one.
-
-    Args:
-        speed: [m/s]; room: [T] how far it may have come [m], `due` [T] seconds later.
-        delay: how long it drives on before it brakes [s].
-    """
-    # A millimetre of slack: an agent that just clears the other does not need to brake.
-    bound = (due >= 0.0) & ((room <= 0.0) | (speed * due > room + 1e-3))
-    if not bound.any():
-        return 0.0
-    left, time = room[bound] - speed * delay, due[bound] - delay
-    if (left <= 0.0).any() or (time <= 0.0).any():
-        return None
-    slowing, stopping = 2.0 * (speed * time - left) / time**2, speed**2 / (2.0 * left)
-    needed = np.where(slowing * time <= speed, slowing, stopping)
-    return round(float(needed.max()), 3)
 
 
 @compiled

@@ -39,10 +39,6 @@ class AgentRoles:
     bound: frozenset[Pair]
     chained: frozenset[Pair] = frozenset()
 
-    def involves_foreground(self, pair: Pair) -> bool:
-        """Whether a foreground agent is one of the two."""
-        return bool(pair & self.foreground)
-
 
 def check_interference(
     observed: SceneObservation, roles: AgentRoles, *, expected: frozenset[int]
@@ -52,7 +48,7 @@ def check_interference(
     Args:
         expected: positions in `seen.events` of the events that realise a relation.
     """
-    unasked = (
+    found = [
         Finding(
             rule=f"unasked_{e.type}", agents=(e.from_, e.to), time=e.time,
             detail=f"{e.type} of {e.from_} and {e.to} at {e.time:.1f} s, "
@@ -60,14 +56,31 @@ def check_interference(
         )
         for k, e in enumerate(observed.events)
         if k not in expected and not is_incidental(e, roles)
-    )  # fmt: skip
-    return (
-        *unasked,
-        *find_contacts(observed),
-        *_check_clearances(observed, roles),
-        *_check_encroachments(observed, roles),
-        *(f for lane in observed.lanes for f in _check_queueing(lane, observed.tracks, roles)),
-    )
+    ]  # fmt: skip
+    found += find_contacts(observed)
+    near = observed.near
+    for row in np.flatnonzero(near.least < MIN_CLEARANCE - ROUNDING).tolist():
+        first, second = (observed.tracks[k] for k in observed.grid.pairs[row])
+        walking = not (first.is_vehicle or second.is_vehicle)
+        if walking or frozenset((first.id, second.id)) in roles.bound or row in near.contacts:
+            continue
+        k = int(observed.grid.common[row, 0] + np.argmin(near.get_gaps(row)))
+        found.append(_report_measured(
+            "clearance", (first, second), time=float(observed.grid.times[k]),
+            value=float(near.least[row]), limit=MIN_CLEARANCE, unit="m apart",
+        ))  # fmt: skip
+    for encounter in observed.encounters:
+        first, second = observed.tracks[encounter.first], observed.tracks[encounter.second]
+        pair = frozenset((first.id, second.id))
+        limit = FOREGROUND_PET if pair & roles.foreground else BACKGROUND_PET
+        if pair not in roles.bound and encounter.pet <= limit:
+            found.append(_report_measured(
+                "pet", (first, second), value=encounter.pet, limit=limit, unit="s PET",
+                time=max(encounter.first_time, encounter.second_time),
+            ))  # fmt: skip
+    for lane in observed.lanes:
+        found += _check_queueing(lane, observed.tracks, roles)
+    return tuple(found)
 
 
 def is_incidental(event: Event, roles: AgentRoles) -> bool:
@@ -78,7 +91,7 @@ def is_incidental(event: Event, roles: AgentRoles) -> bool:
     pair = frozenset((event.from_, event.to))
     if pair in roles.chained:
         return event.type == "near_miss"
-    if roles.involves_foreground(pair) or pair in roles.bound:
+    if pair & roles.foreground or pair in roles.bound:
         return False
     if event.type == "yielding":
         return float(event.evidence.get("pet", np.inf)) > BACKGROUND_PET
@@ -104,34 +117,6 @@ def find_contacts(observed: SceneObservation) -> Iterator[Finding]:
                 detail=f"agents {first.id} and {second.id} {how} at {contact.time:.1f} s"
                 f"{speed}{deep}",
             )  # fmt: skip
-
-
-def _check_clearances(observed: SceneObservation, roles: AgentRoles) -> Iterator[Finding]:
-    near = observed.near
-    for row in np.flatnonzero(near.least < MIN_CLEARANCE - ROUNDING).tolist():
-        first, second = (observed.tracks[k] for k in observed.grid.pairs[row])
-        walking = not (first.is_vehicle or second.is_vehicle)
-        pair = frozenset((first.id, second.id))
-        if walking or pair in roles.bound or row in near.contacts:
-            continue
-        k = int(observed.grid.common[row, 0] + np.argmin(near.get_gaps(row)))
-        yield _report_measured(
-            "clearance", (first, second), time=float(observed.grid.times[k]),
-            value=float(near.least[row]), limit=MIN_CLEARANCE, unit="m apart",
-        )  # fmt: skip
-
-
-def _check_encroachments(observed: SceneObservation, roles: AgentRoles) -> Iterator[Finding]:
-    for encounter in observed.encounters:
-        first, second = observed.tracks[encounter.first], observed.tracks[encounter.second]
-        pair = frozenset((first.id, second.id))
-        limit = FOREGROUND_PET if roles.involves_foreground(pair) else BACKGROUND_PET
-        if pair in roles.bound or encounter.pet > limit:
-            continue
-        time = max(encounter.first_time, encounter.second_time)
-        yield _report_measured(
-            "pet", (first, second), time=time, value=encounter.pet, limit=limit, unit="s PET"
-        )
 
 
 def _check_queueing(
@@ -183,7 +168,7 @@ def check_wrecks(
         until: end of the scene [s]; the last footprints stay as obstacles up to then.
         pushed: agents that a collision pushes into another, which ends them.
     """
-    tracks = {m.id: m for m in observed.tracks}
+    tracks = observed.by_id
     found: list[Finding] = []
     for event in (e for e in observed.events if e.type == "collision"):
         for n in (event.from_, event.to):

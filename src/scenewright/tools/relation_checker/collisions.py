@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
@@ -99,14 +99,8 @@ def _find_impact_point(track: Trajectory, along: float, across: float) -> Impact
     end: Literal["front", "rear"] = "front" if along > 0 else "rear"
     side: Literal["left", "right"] = "left" if across > 0 else "right"
     if from_end <= 0 and from_side <= 0:
-        return _CORNERS[end, side]
+        return cast(ImpactPoint, f"{end}_{side}")
     return end if from_end <= min(from_side, 0.0) or from_end < from_side else side
-
-
-_CORNERS: dict[tuple[str, str], ImpactPoint] = {
-    ("front", "left"): "front_left", ("front", "right"): "front_right",
-    ("rear", "left"): "rear_left", ("rear", "right"): "rear_right",
-}  # fmt: skip
 
 
 def is_impact_at(asked: ImpactPoint, seen: ImpactPoint | None) -> bool:
@@ -136,23 +130,17 @@ def classify_collision(
         return "pedestrian_strike" if driven and driven[0] >= STRIKE_SPEED else None
     if hit.angle <= np.deg2rad(30.0):
         return "rear_end" if set(hit.sides) == {"front", "rear"} else "sideswipe"
-    turned = max(measure_turn_across(m, time=time, left_hand=left_hand) for m in (first, second))
+    # How far each has turned across the others' path in its last 30 m.
+    turned = 0.0
+    for track in (first, second):
+        k = track.index(time)
+        recent = track.s[: k + 1] >= track.s[k] - 30.0
+        heading = track.heading[: k + 1][recent] * (-1.0 if left_hand else 1.0)
+        turned = max(turned, float(heading[-1] - heading.min()))
     fronts = hit.sides == ("front", "front")
     if hit.angle >= np.deg2rad(135.0) and fronts:
         return "left_turn" if turned >= LEFT_TURN_HEAD_ON else "head_on"
     return "left_turn" if turned >= LEFT_TURN else "angle"
-
-
-def measure_turn_across(track: Trajectory, *, time: float, left_hand: bool = False) -> float:
-    """How far a vehicle has turned left in its last 30 m before a time [rad], >= 0.
-
-    Args:
-        left_hand: to the right instead.
-    """
-    k = track.index(time)
-    recent = track.s[: k + 1] >= track.s[k] - 30.0
-    heading = track.heading[: k + 1][recent] * (-1.0 if left_hand else 1.0)
-    return float(max(heading[-1] - heading.min(), 0.0))
 
 
 def find_striker(first: Trajectory, second: Trajectory, hit: Impact) -> int:
@@ -189,7 +177,12 @@ def find_late_braker(first: Trajectory, second: Trajectory, *, time: float) -> i
 
     Of two that drive one way it is the one that began: the other brakes because of it.
     """
-    late = [m for m in (first, second) if m.is_vehicle and _brakes_late(m, time)]
+    late = []
+    for track in (m for m in (first, second) if m.is_vehicle):
+        onset = _find_onset(track, time)
+        before = (track.times >= onset - 1.5) & (track.times <= onset - 0.5)
+        if np.isfinite(onset) and before.any():
+            late += [] if (track.acceleration[before] < -CURVE_BRAKING).any() else [track]
     if len(late) == 2:
         headings = (m.at(np.array([time]))[1] for m in late)
         if float(compute_angle_between(*headings)[0]) <= np.deg2rad(30.0):
@@ -212,11 +205,3 @@ def _find_onset(track: Trajectory, time: float) -> float:
     hard = track.acceleration < -3.4
     hard &= (track.times >= time - 3.0) & (track.times <= time + 1e-6)
     return float(track.times[int(np.argmax(hard))]) if hard.any() else float("inf")
-
-
-def _brakes_late(track: Trajectory, time: float) -> bool:
-    onset = _find_onset(track, time)
-    if not np.isfinite(onset):
-        return False
-    before = (track.times >= onset - 1.5) & (track.times <= onset - 0.5)
-    return bool(before.any()) and not bool((track.acceleration[before] < -CURVE_BRAKING).any())

@@ -21,7 +21,7 @@ from scenewright.tools.relation_checker.footprints import (
     meets_box,
 )
 from scenewright.tools.relation_checker.planar import Area, geos
-from scenewright.tools.relation_checker.track_path import TrackPath, project
+from scenewright.tools.relation_checker.track_path import project
 from scenewright.tools.relation_checker.trajectory import Trajectory, interpolate_samples
 
 SHARED = np.deg2rad(30.0)
@@ -53,19 +53,7 @@ def get_swept_path(track: Trajectory) -> Area:
 _swept: WeakKeyDictionary[Trajectory, Area] = WeakKeyDictionary()
 
 
-@dataclass(frozen=True, eq=False)
-class PathConflictZone:
-    """A conflict zone of two paths.
-
-    Attributes:
-        polygon: its area; shared: whether it is the beginning of a merge or shared lane.
-    """
-
-    polygon: Area
-    shared: bool
-
-
-def find_conflict_zones(first: Trajectory, second: Trajectory) -> tuple[PathConflictZone, ...]:
+def find_conflict_zones(first: Trajectory, second: Trajectory) -> tuple[Area, ...]:
     """Each connected overlap of the two swept paths, in no particular order.
 
     Where both run in one direction (within 30 degrees) for more than 5 m, only the first 5 m of the
@@ -76,42 +64,36 @@ def find_conflict_zones(first: Trajectory, second: Trajectory) -> tuple[PathConf
 
 
 @lru_cache(maxsize=8)
-def _find_conflict_zones(a: Trajectory, b: Trajectory) -> tuple[PathConflictZone, ...]:
+def _find_conflict_zones(a: Trajectory, b: Trajectory) -> tuple[Area, ...]:
     """Events and the places asked for look at the same pairs; movers are known by identity."""
     overlap = get_swept_path(a).intersection(get_swept_path(b))
-    parts = [p for p in geos.get_parts(overlap) if p.area > 1e-6]
-    if a.is_vehicle != b.is_vehicle:
-        return tuple(PathConflictZone(p, False) for p in parts)
-    paths = a.path, b.path
-    zones = (_drop_shared_lane(p, a, paths) for p in parts)
-    return tuple(z for z in zones if z is not None)
+    zones: list[Area] = []
+    for part in (each for each in geos.get_parts(overlap) if each.area > 1e-6):
+        if a.is_vehicle != b.is_vehicle:
+            zones.append(part)
+            continue
+        ring = geos.get_coordinates(geos.segmentize(geos.get_exterior_ring(part), 0.5))
+        one, two = project(ring, a.path), project(ring, b.path)
+        parallel = compute_angle_between(one.direction, two.direction) <= SHARED
+        start, length = float(one.s.min()), float(one.s.max() - one.s.min())
+        if length <= MERGE_LENGTH or not parallel.any():
+            zones.append(part)
+            continue
+        first = (one.s < start + 1.0) & parallel
+        if first.any() and (start < 1.0 or float(two.s[first].min()) < 1.0):
+            continue
+        piece = geos.ops.substring(geos.LineString(a.path.xy), start, start + MERGE_LENGTH)
+        zones.append(piece.buffer(a.width / 2 + 0.5, cap_style="flat").intersection(part))
+    return tuple(zones)
 
 
 def find_nearest_zone(
     first: Trajectory, second: Trajectory, place: tuple[float, float]
-) -> PathConflictZone | None:
+) -> Area | None:
     """The conflict zone of two movers that lies nearest to a place [m]; None without one."""
     here = geos.Point(place)
     zones = find_conflict_zones(first, second)
-    return min(zones, key=lambda each: float(each.polygon.distance(here)), default=None)
-
-
-def _drop_shared_lane(
-    part: Area, track: Trajectory, paths: tuple[TrackPath, TrackPath]
-) -> PathConflictZone | None:
-    ring = geos.get_coordinates(geos.segmentize(geos.get_exterior_ring(part), 0.5))
-    one, two = (project(ring, path) for path in paths)
-    parallel = compute_angle_between(one.direction, two.direction) <= SHARED
-    start, length = float(one.s.min()), float(one.s.max() - one.s.min())
-    if length <= MERGE_LENGTH or not parallel.any():
-        return PathConflictZone(part, False)
-    first = (one.s < start + 1.0) & parallel
-    if first.any() and (start < 1.0 or float(two.s[first].min()) < 1.0):
-        return None
-    line = geos.LineString(paths[0].xy)
-    piece = geos.ops.substring(line, start, start + MERGE_LENGTH)
-    begin = piece.buffer(track.width / 2 + 0.5, cap_style="flat").intersection(part)
-    return PathConflictZone(begin, True)
+    return min(zones, key=lambda each: float(each.distance(here)), default=None)
 
 
 @dataclass(frozen=True)
@@ -135,9 +117,7 @@ def find_zone_occupancy(track: Trajectory, polygon: Area) -> ZoneOccupancy | Non
     zone = *geos.get_coordinates(rings, return_index=True), polygon.bounds
     mover = track.xy, track.heading, track.reach, track.box
     first, last, enter, leave = _find_stay(track.times, mover, zone)
-    if first < 0:
-        return None
-    return ZoneOccupancy(enter, leave, first == 0, last == len(track) - 1)
+    return None if first < 0 else ZoneOccupancy(enter, leave, first == 0, last == len(track) - 1)
 
 
 Mover = tuple[FloatArray, FloatArray, float, Box]

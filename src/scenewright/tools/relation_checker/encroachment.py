@@ -138,7 +138,21 @@ def find_encounters(
         first, second, occupancies, np.inf if horizon is None else horizon, movers,
         get_lane_table(tracks),
     ))  # fmt: skip
-    found = _resolve_encounters(occupancies, pairs)
+    # Exact least lag of every encounter, to 4 ms; encounters of a pair part at gaps along the
+    # first one's path.
+    table = occupancies.table
+    best = _find_best_places(pairs, occupancies, *_WHOLE)
+    p, q = pairs.p[best], pairs.q[best]
+    lag, place = _find_least_lags(p, q, table, *_WHOLE)
+    apart = lag[:, 0] > 0
+    # The surroundings of the best pairs of parts are tried.
+    step = 1.0 / (SUBSTEPS - 1)
+    around = np.linspace(-step, step, 2 * FINER + 1)
+    parts = [np.clip(place[apart, k, None] * step + around, 0.0, 1.0) for k in (0, 1)]
+    finer, _ = _find_least_lags(p[apart], q[apart], table, *parts)
+    lag[apart] = np.where(finer[:, :1] < lag[apart, :1], finer, lag[apart])
+    owners = zip(occupancies.owner[p].tolist(), occupancies.owner[q].tolist(), strict=True)
+    found = (Encounter(*pair, *row) for pair, row in zip(owners, lag.tolist(), strict=True))
     return tuple(e for e in found if horizon is None or e.pet <= horizon)
 
 
@@ -158,26 +172,6 @@ def _find_overlapping_boxes(
     for low, high in ((west - reach, east + reach), (south - reach, north + reach)):
         result &= (low[i] <= high[j]) & (low[j] <= high[i])
     return np.asarray(result)
-
-
-def _resolve_encounters(occupancies: _Occupancies, pairs: _OccupancyPairs) -> list[Encounter]:
-    """Exact least lag of every encounter, to 4 ms.
-
-    A pair's contacts are split into encounters at gaps along the first one's path.
-    """
-    table = occupancies.table
-    best = _find_best_places(pairs, occupancies, *_WHOLE)
-    p, q = pairs.p[best], pairs.q[best]
-    lag, place = _find_least_lags(p, q, table, *_WHOLE)
-    apart = lag[:, 0] > 0
-    # The surroundings of the best pairs of parts are tried.
-    step = 1.0 / (SUBSTEPS - 1)
-    around = np.linspace(-step, step, 2 * FINER + 1)
-    parts = [np.clip(place[apart, k, None] * step + around, 0.0, 1.0) for k in (0, 1)]
-    finer, _ = _find_least_lags(p[apart], q[apart], table, *parts)
-    lag[apart] = np.where(finer[:, :1] < lag[apart, :1], finer, lag[apart])
-    owners = zip(occupancies.owner[p].tolist(), occupancies.owner[q].tolist(), strict=True)
-    return [Encounter(*pair, *row) for pair, row in zip(owners, lag.tolist(), strict=True)]
 
 
 # ---- as machine code, on the table of places ----------------------------------------------------

@@ -25,8 +25,6 @@ from scenewright.tools.relation_checker.collisions import (
 )
 from scenewright.tools.relation_checker.conflict_zones import (
     SHARED,
-    PathConflictZone,
-    ZoneOccupancy,
     find_conflict_zones,
     find_nearest_zone,
     find_zone_occupancy,
@@ -45,13 +43,13 @@ from scenewright.tools.relation_checker.contact import (
 from scenewright.tools.relation_checker.encroachment import Encounter, find_encounters
 from scenewright.tools.relation_checker.following import (
     LaneGaps,
+    find_close_overtaking,
     find_followings,
     measure_lane_gaps,
 )
 from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, double_room
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
-from scenewright.tools.relation_checker.overtaking import find_close_overtaking
-from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.planar import Area, geos
 from scenewright.tools.relation_checker.signals import SignalPlan
 from scenewright.tools.relation_checker.surrogates import (
     compute_drac,
@@ -68,7 +66,6 @@ from scenewright.tools.relation_checker.yielding import (
     LIMITS,
     MAX_PET,
     RESUME_WITHIN,
-    YieldContext,
     YieldEvent,
     ZonePassage,
     find_yield,
@@ -112,11 +109,24 @@ class SceneObservation:
         """All tracks, in the order given."""
         return self.grid.tracks
 
+    @cached_property
+    def ids(self) -> list[int]:
+        """Ids of the tracks, in the order given."""
+        return [track.id for track in self.tracks]
+
+    @cached_property
+    def by_id(self) -> dict[int, Trajectory]:
+        """The tracks by their ids."""
+        return {track.id: track for track in self.tracks}
+
+    def list_encounters(self, pair: Collection[int]) -> list[Encounter]:
+        """Encounters of a pair of ids."""
+        ids, wanted = self.ids, set(pair)
+        return [e for e in self.encounters if {ids[e.first], ids[e.second]} == wanted]
+
     def pet(self, pair: Pair) -> float | None:
         """Least PET of a pair of ids [s]; None above 8.5 s or without conflict."""
-        ids = [m.id for m in self.tracks]
-        found = [e.pet for e in self.encounters if {ids[e.first], ids[e.second]} == set(pair)]
-        return min(found, default=None)
+        return min((each.pet for each in self.list_encounters(pair)), default=None)
 
 
 def find_events(
@@ -174,8 +184,7 @@ def observe(
     search = _EventSearch(
         grid, near, encounters, intersection_map, lights, frozenset(asked), until, timely
     )
-    wanted = {m.id for m in grid.tracks} if detailed is None else set(detailed)
-    events = search.events(wanted)
+    events = search.events({m.id for m in grid.tracks} if detailed is None else set(detailed))
     for f in find_followings(lanes):
         follower = grid.tracks[f.follower]
         events.append(_build_event(
@@ -194,9 +203,13 @@ def _build_event(
     time: float,
     place: tuple[float, ...],
     evidence: dict[str, Any],
+    cause: tuple[str, int] | None = None,
     **more: Any,
 ) -> Event:
+    """An event with rounded figures; the agent that caused it is part of the evidence."""
     rounded = {k: round(v, 3) if isinstance(v, float) else v for k, v in evidence.items()}
+    if cause is not None:
+        rounded["cause_agent"], more["cause"] = cause[1], cause[0]
     return Event.model_validate({
         "type": name, "from": pair[0].id, "to": pair[1].id, "time": round(time, 3),
         "location": (round(float(place[0]), 3), round(float(place[1]), 3)),
@@ -229,7 +242,16 @@ class _EventSearch:
         """Collisions, yields and near misses."""
         found: list[Event] = []
         braked = self._find_braked_pairs()
-        for row in self._list_rows(braked):
+        # Rows of the pairs that may have an event; many others never have to do with another.
+        asked = [(self._index[a], self._index[b]) for a, b in self.asked]
+        waits = np.array(self._cut_off, dtype=np.bool_)[self.grid.pairs]
+        wanted = self.grid.find_rows(self.by_pair) | self._crossed.any(axis=1)
+        wanted |= waits.any(axis=1) & self.grid.find_rows(asked)
+        # One rides, the other drives.
+        wheels = np.array([m.is_rider - 0.5 if m.is_vehicle else 0.0 for m in self.tracks])
+        wanted |= (wheels[self.grid.pairs].prod(axis=1) < 0.0) & np.isfinite(self.near.least)
+        wanted[[*self.near.contacts, *braked]] = True
+        for row in np.flatnonzero(wanted).tolist():
             i, j = self.grid.pairs[row].tolist()
             first, second = self.tracks[i], self.tracks[j]
             ids = first.id, second.id
@@ -240,18 +262,6 @@ class _EventSearch:
                 full = not detailed.isdisjoint(ids)
                 found += self._find_encounter_events(row, (i, j), braked.get(row, ()), full)
         return found
-
-    def _list_rows(self, braked: Collection[int]) -> list[int]:
-        """Rows of the pairs that may have an event; many others never have to do with another."""
-        asked = [(self._index[a], self._index[b]) for a, b in self.asked]
-        waits = np.array(self._cut_off, dtype=np.bool_)[self.grid.pairs]
-        wanted = self.grid.find_rows(self.by_pair) | self._crossed.any(axis=1)
-        wanted |= waits.any(axis=1) & self.grid.find_rows(asked)
-        # One rides, the other drives.
-        wheels = np.array([m.is_rider - 0.5 if m.is_vehicle else 0.0 for m in self.tracks])
-        wanted |= (wheels[self.grid.pairs].prod(axis=1) < 0.0) & np.isfinite(self.near.least)
-        wanted[[*self.near.contacts, *braked]] = True
-        return np.flatnonzero(wanted).tolist()
 
     def _find_collision(self, row: int, first: Trajectory, second: Trajectory) -> list[Event]:
         contact = self.near.contacts[row]
@@ -268,18 +278,13 @@ class _EventSearch:
             "speed_to": hit.speeds[1 - k], "angle": hit.angle,
             "side_from": hit.sides[k], "side_to": hit.sides[1 - k],
             "point_from": hit.points[k], "point_to": hit.points[1 - k],
-            "cause_agent": cause[1] if cause else None,
-            "late_brake": find_late_braker(first, second, time=contact.time),
+            "cause_agent": None, "late_brake": find_late_braker(first, second, time=contact.time),
         }  # fmt: skip
-        return [
-            _build_event(
-                "collision", order, time=contact.time, place=hit.place, evidence=evidence,
-                kind=classify_collision(
-                    first, second, hit, time=contact.time, left_hand=self._left_hand
-                ),
-                cause=cause[0] if cause else None,
-            )
-        ]  # fmt: skip
+        kind = classify_collision(first, second, hit, time=contact.time, left_hand=self._left_hand)
+        return [_build_event(
+            "collision", order, time=contact.time, place=hit.place, evidence=evidence, kind=kind,
+            cause=cause,
+        )]  # fmt: skip
 
     def _find_encounter_events(
         self, row: int, pair: Pair, braked: Sequence[float], full: bool
@@ -321,33 +326,19 @@ class _EventSearch:
             return None
         later = encounter.second_time > encounter.first_time
         i, j = (encounter.second, encounter.first) if later else (encounter.first, encounter.second)
-        giver, other = self.grid.tracks[i], self.grid.tracks[j]
+        giver, other = self.tracks[i], self.tracks[j]
+        time = encounter.second_time if later else encounter.first_time
         if not _slows(giver, until=max(encounter.first_time, encounter.second_time)):
             return None
-        time = encounter.second_time if later else encounter.first_time
         zone = find_nearest_zone(giver, other, giver.at(np.array([time]))[0][0])
         return None if zone is None else self._find_yield_at(zone, giver, other)
 
     def _find_yield_at(
-        self,
-        zone: PathConflictZone,
-        giver: Trajectory,
-        other: Trajectory,
-        real_end: float | None = None,
+        self, zone: Area, giver: Trajectory, other: Trajectory, real_end: float | None = None
     ) -> YieldEvent | None:
-        stay, passing = (
-            find_zone_occupancy(giver, zone.polygon),
-            find_zone_occupancy(other, zone.polygon),
-        )
+        stay, passing = (find_zone_occupancy(each, zone) for each in (giver, other))
         if stay is None or passing is None:
             return None
-        around = self._build_context(zone, giver, other, stay)
-        since = other.start if self.timely else None
-        return find_yield(ZonePassage(giver, stay, passing, around, real_end, since))
-
-    def _build_context(
-        self, zone: PathConflictZone, giver: Trajectory, other: Trajectory, stay: ZoneOccupancy
-    ) -> YieldContext:
         brink = float(np.interp(stay.enter, giver.times, giver.s)) + giver.nose
         real = self.tracks[self._index[giver.id]]
 
@@ -363,15 +354,14 @@ class _EventSearch:
             xy, _ = other.at(np.array([time]))
             walks = (each.area for each in get_ground_raster(self.intersection_map).crosswalks)
             return other.start <= time <= other.end and any(
-                w.intersects(zone.polygon) and w.intersects(geos.Point(xy[0])) for w in walks
+                w.intersects(zone) and w.intersects(geos.Point(xy[0])) for w in walks
             )
 
-        return YieldContext(
-            red=partial(self.lights.is_held, real),
-            leader=has_leader,
-            excused=lambda t: self._waits_for_another(real, other, t),
-            on_crosswalk=is_on_crosswalk,
-        )
+        return find_yield(ZonePassage(
+            giver, stay, passing, red=partial(self.lights.is_held, real), leader=has_leader,
+            excused=lambda t: self._waits_for_another(real, other, t), real_end=real_end,
+            on_crosswalk=is_on_crosswalk, other_start=other.start if self.timely else None,
+        ))  # fmt: skip
 
     @cached_property
     def _index(self) -> dict[int, int]:
@@ -381,14 +371,13 @@ class _EventSearch:
     def _waits_for_another(self, giver: Trajectory, other: Trajectory, time: float) -> bool:
         """Whether the giver waits for yet another agent that a relation binds it to."""
         partners = {a if b == giver.id else b for a, b in self.asked if giver.id in (a, b)}
-        for encounter in self.encounters if partners else ():
-            ends = [
-                (self.grid.tracks[encounter.first].id, encounter.first_time),
-                (self.grid.tracks[encounter.second].id, encounter.second_time),
-            ]
-            mine = [t for n, t in ends if n == giver.id]
-            theirs = [t for n, t in ends if n in partners - {other.id}]
-            if mine and theirs and theirs[0] < mine[0] and theirs[0] >= time - 4.0:
+        for each in self.encounters if partners else ():
+            times = {
+                self.tracks[each.first].id: each.first_time,
+                self.tracks[each.second].id: each.second_time,
+            }
+            theirs = [times[n] for n in times.keys() & (partners - {other.id})]
+            if giver.id in times and theirs and time - 4.0 <= theirs[0] < times[giver.id]:
                 return True
         return False
 
@@ -462,18 +451,23 @@ class _EventSearch:
             "would_have_entered": yielded.arrival,
         } | (_measure_surrogates(*tracks, until=yielded.cleared) if full else {})  # fmt: skip
         cause = find_red_run(tracks[1], tracks[0], time=yielded.cleared, lights=self.lights)
-        if cause is not None:
-            evidence["cause_agent"] = cause[1]
         return _build_event(
-            "yielding", tracks, time=yielded.time, place=yielded.place, evidence=evidence,
-            cause=cause[0] if cause else None,
+            "yielding", tracks, time=yielded.time, place=yielded.place, cause=cause,
+            evidence=evidence,
         )  # fmt: skip
 
     def _find_near_miss(
         self, pair: Pair, pet: float | None, full: bool, *, around: Sequence[float]
     ) -> list[Event]:
-        first, second = (self.grid.tracks[k] for k in pair)
-        closest = _find_closest_approach(first, second, min(around), max(around))
+        first, second = (self.tracks[k] for k in pair)
+        # The closest approach around the encounter, else of all.
+        begin, end = min(around), max(around)
+        closest = find_least_clearance(first, second, within=(begin - 3.0, end + 3.0))
+        abreast = closest is not None and _face_one_way(first, second, closest[0])
+        if abreast and not _face_one_way(first, second, begin):
+            # Side by side on the approach is not yet where one turns across the other's way.
+            closest = find_least_clearance(first, second, within=(begin, end)) or closest
+        closest = closest or find_least_clearance(first, second)
         if closest is None:
             return []
         time, clearance = closest
@@ -481,16 +475,13 @@ class _EventSearch:
         evidence = {
             "pet": pet,
             "clearance": clearance,
-            "cause_agent": cause[1] if cause else None,
+            "cause_agent": None,
             "late_brake": find_late_braker(first, second, time=time),
         } | (_measure_surrogates(first, second, until=max(*around, time)) if full else {})
         place = find_contact_point(first, second, time=time)
-        return [
-            _build_event(
-                "near_miss", (first, second), time=time, place=place, evidence=evidence,
-                cause=cause[0] if cause else None,
-            )
-        ]  # fmt: skip
+        return [_build_event(
+            "near_miss", (first, second), time=time, place=place, evidence=evidence, cause=cause
+        )]  # fmt: skip
 
     def _find_braked_pairs(self) -> dict[int, list[float]]:
         """By row of pairs: times of path TTC <= 1.5 s while one of the two brakes hard."""
@@ -575,18 +566,6 @@ def _search_crossers_ahead(grid: GridTable, table: FloatArray) -> BoolArray:
                 found[row, side] = True
                 break
     return found
-
-
-def _find_closest_approach(
-    first: Trajectory, second: Trajectory, begin: float, end: float
-) -> tuple[float, float] | None:
-    """Time and clearance of the closest approach around an encounter, else of all."""
-    around = find_least_clearance(first, second, within=(begin - 3.0, end + 3.0))
-    abreast = around is not None and _face_one_way(first, second, around[0])
-    if abreast and not _face_one_way(first, second, begin):
-        # Side by side on the approach is not yet where one turns across the other's way.
-        around = find_least_clearance(first, second, within=(begin, end)) or around
-    return around or find_least_clearance(first, second)
 
 
 _ONE_WAY = np.radians(15.0)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from scenewright.scene.base import AgentClass, Compass, FloatArray, Point
+from scenewright.scene.base import AgentClass, Compass, FloatArray
 from scenewright.scene.map import Crosswalk, IntersectionMap, PolygonWithHoles
 from scenewright.tools.relation_checker.planar import Area, geos
 
@@ -104,11 +104,9 @@ def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
             return ground
     road = geos.union_all([_build_polygon(p) for p in intersection_map.road])
     walks = tuple(_build_crosswalk(each) for each in intersection_map.crosswalks)
-    walkable = [
-        *(_build_polygon(p) for p in intersection_map.walkable),
-        *(each.area for each in walks),
-    ]
-    walkable = geos.union_all(walkable).buffer(KERB, quad_segs=2)
+    footways = [_build_polygon(p) for p in intersection_map.walkable]
+    walkable = geos.union_all([*footways, *(each.area for each in walks)])
+    walkable = walkable.buffer(KERB, quad_segs=2)
     routes = {
         r.id: (r.type, r.entry, r.exit, r.movement, r.crosswalk) for r in intersection_map.routes
     }
@@ -116,15 +114,11 @@ def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
         if leg is not None:  # a U-turn is of the leg that it comes from and goes back to
             routes.setdefault(f"vehicle:{leg}>{leg}:uturn", ("vehicle", leg, leg, "uturn", None))
     goals = tuple(
-        (g.type, g.leg, _compute_bounds(g.polygon)) for g in intersection_map.goal_regions
+        (g.type, g.leg, geos.Polygon(g.polygon).bounds) for g in intersection_map.goal_regions
     )
+    anywhere = rasterize_area(road.union(walkable))
     ground = GroundRaster(
-        rasterize_area(road),
-        rasterize_area(walkable),
-        rasterize_area(road.union(walkable)),
-        walks,
-        routes,
-        goals,
+        rasterize_area(road), rasterize_area(walkable), anywhere, walks, routes, goals
     )
     _prepared[:] = [(intersection_map, ground), *_prepared[:3]]
     return ground
@@ -135,11 +129,6 @@ def _build_crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
     area = geos.Polygon(crosswalk.polygon)
     way = np.subtract(*np.array(crosswalk.centreline)[::-1])
     return CrosswalkArea(crosswalk, area, area.bounds, way / max(float(np.hypot(*way)), 1e-9))
-
-
-def _compute_bounds(polygon: Sequence[Point]) -> Bounds:
-    x, y = zip(*polygon, strict=True)
-    return min(x), min(y), max(x), max(y)
 
 
 def _build_polygon(area: PolygonWithHoles) -> Any:

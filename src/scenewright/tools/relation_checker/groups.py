@@ -33,9 +33,7 @@ def list_group_pairs(
 
 
 def find_group_events(
-    relations: Sequence[RelationRecord],
-    events: Sequence[Event],
-    groups: dict[int, tuple[int, ...]],
+    relations: Sequence[RelationRecord], events: Sequence[Event], groups: dict[int, tuple[int, ...]]
 ) -> frozenset[int]:
     """Positions of the events of other members that their group's relation asks for as well."""
     wanted = {
@@ -49,26 +47,12 @@ def find_group_events(
     )
 
 
-def check_groups(agents: Sequence[AgentRecord], observed: SceneObservation) -> tuple[Finding, ...]:
-    """A finding for each member that does not walk with its group, on one route, all the time."""
-    records = {agent.id: agent for agent in agents}
-    found: list[Finding] = []
-    for leader, members in list_groups(agents).items():
-        routes = {records[each].route for each in members if each in records}
-        strays = [each for each in members if _find_farthest(each, members, observed) > TOGETHER]
-        led = leader in records and records[leader].group is None
-        if not led or len(routes) > 1 or strays:
-            detail = f"the group of agent {leader} does not walk together on one route"
-            found.append(Finding(rule="group_apart", agents=members, detail=detail))
-    return tuple(found)
-
-
-def _find_farthest(number: int, members: Sequence[int], observed: SceneObservation) -> float:
-    """How far a member is from the nearest other one, at the worst moment [m]."""
-    tracks = {track.id: track for track in observed.tracks}
+def _strays(number: int, members: Sequence[int], observed: SceneObservation) -> bool:
+    """Whether a member is ever too far from the nearest other one, or mostly alone."""
+    tracks = observed.by_id
     own, others = tracks.get(number), [tracks[n] for n in members if n in tracks and n != number]
     if own is None or own.is_vehicle or not others:
-        return float("inf")
+        return True
     nearest = np.full(len(own.times), np.inf)
     for other in others:
         times = find_common_times(own, other)
@@ -76,4 +60,18 @@ def _find_farthest(number: int, members: Sequence[int], observed: SceneObservati
         k = own.find_indices(times)
         nearest[k] = np.minimum(nearest[k], away)
     shared = np.isfinite(nearest)
-    return float(nearest[shared].max()) if shared.mean() >= 0.5 else float("inf")
+    return bool(shared.mean() < 0.5 or nearest[shared].max() > TOGETHER)
+
+
+def check_groups(agents: Sequence[AgentRecord], observed: SceneObservation) -> tuple[Finding, ...]:
+    """A finding for each member that does not walk with its group, on one route, all the time."""
+    records = {agent.id: agent for agent in agents}
+    found: list[Finding] = []
+    for leader, members in list_groups(agents).items():
+        routes = {records[each].route for each in members if each in records}
+        strays = [each for each in members if _strays(each, members, observed)]
+        led = leader in records and records[leader].group is None
+        if not led or len(routes) > 1 or strays:
+            detail = f"the group of agent {leader} does not walk together on one route"
+            found.append(Finding(rule="group_apart", agents=members, detail=detail))
+    return tuple(found)

@@ -7,17 +7,21 @@ track.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from scenewright.scene.base import AgentClass, Compass
-from scenewright.scene.events import Event, Finding
+from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
+from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
+from scenewright.tools.relation_checker.plausibility import SIZE
 from scenewright.tools.relation_checker.track_ends import EDGE
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
@@ -104,39 +108,40 @@ def find_false_journeys(
     """
     if not intersection_map.routes:
         return ()
-    return tuple(
-        Finding(
-            rule="journey_contradicted", agents=(agent.id,),
-            detail=f"{agent.type} {agent.id}: {reason}",
-        )
-        for agent, track in zip(scene.agents, tracks, strict=True)
-        for reason in _find_misstatements(agent, track, intersection_map)
-    )  # fmt: skip
-
-
-def _find_misstatements(
-    agent: AgentRecord, track: Trajectory, intersection_map: IntersectionMap
-) -> Iterator[str]:
-    said = (_find_route_class(agent), agent.entry, agent.exit, agent.movement, agent.crosswalk)
-    routes = get_ground_raster(intersection_map).routes
-    if agent.route not in routes:
-        yield f"the map has no route {agent.route}"
-    elif said != routes[agent.route]:
-        yield f"its labels are not those of its route {agent.route}"
-    if not _is_goal_near_exit(agent, intersection_map):
-        yield f"its goal {agent.goal[0]:.0f}, {agent.goal[1]:.0f} is none of its exit"
-    if _find_route_class(agent) == "vehicle":
-        for word, label, seen in (
-            ("comes from", agent.entry, find_entry_leg(track, intersection_map)),
-            ("leaves to", agent.exit, find_exit_leg(track, intersection_map)),
-        ):
-            if seen is not None and seen != label:
-                yield f"it {word} the {seen}, its label says {label}"
-    elif not has_trait("motion", agent.motion, "returns"):
-        way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
-        east, north = (track.xy[-1] - track.xy[0]).tolist()
-        if way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS:
-            yield f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
+    routes, found = get_ground_raster(intersection_map).routes, list[Finding]()
+    for agent, track in zip(scene.agents, tracks, strict=True):
+        kind, reasons = _find_route_class(agent), list[str]()
+        if agent.route not in routes:
+            reasons.append(f"the map has no route {agent.route}")
+        elif routes[agent.route] != (
+            kind, agent.entry, agent.exit, agent.movement, agent.crosswalk
+        ):  # fmt: skip
+            reasons.append(f"its labels are not those of its route {agent.route}")
+        if not _is_goal_near_exit(agent, intersection_map):
+            x, y = agent.goal
+            reasons.append(f"its goal {x:.0f}, {y:.0f} is none of its exit")
+        if kind == "vehicle":
+            for word, label, seen in (
+                ("comes from", agent.entry, find_entry_leg(track, intersection_map)),
+                ("leaves to", agent.exit, find_exit_leg(track, intersection_map)),
+            ):
+                if seen is not None and seen != label:
+                    reasons.append(f"it {word} the {seen}, its label says {label}")
+        elif not has_trait("motion", agent.motion, "returns"):
+            way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
+            east, north = (track.xy[-1] - track.xy[0]).tolist()
+            if way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS:
+                reasons.append(
+                    f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
+                )
+        found += [
+            Finding(
+                rule="journey_contradicted", agents=(agent.id,),
+                detail=f"{agent.type} {agent.id}: {reason}",
+            )
+            for reason in reasons
+        ]  # fmt: skip
+    return tuple(found)
 
 
 def _find_route_class(agent: AgentRecord) -> AgentClass:
@@ -161,3 +166,85 @@ def _is_goal_near_exit(agent: AgentRecord, intersection_map: IntersectionMap) ->
         for kind, leg, (west, south, east, north) in get_ground_raster(intersection_map).goals
         if kind == _find_route_class(agent) and (leg == agent.exit or kind == "pedestrian")
     )
+
+
+RUNNERS = ("running", "runner")
+"""Subtypes of pedestrians."""
+_CLOCK = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
+_SEEN_OVER = frozenset({"bin", "door", "motorcycle"})
+"""Kinds and subtypes of objects that do not block the view."""
+_CUT = "…"
+"""Stands in a prompt for words of a long conversation that were left out."""
+
+
+def find_false_metadata(
+    scene: SceneRecord, intersection_map: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    """What contradicts the map, or another part of the same file."""
+    named = {number for entry in scene.said for number in entry.agents}
+    bound = named.union(*({each.from_, each.to} for each in scene.relations))
+    rows: list[tuple[tuple[int, ...], str]] = []
+    rows += [((), detail) for detail in _check_meta(scene, intersection_map)]
+    for agent in scene.agents:
+        who, own = f"{agent.type} {agent.id}", (agent.id,)
+        if agent.role == "background" and agent.id in bound:
+            rows.append((own, f"{who} was asked for and is called background"))
+        if not re.fullmatch(rf"{agent.type}-[1-9]\d*", agent.name):
+            detail = f"{who} has the name {agent.name!r}, not one like {agent.type}-1"
+            rows.append((own, detail))
+        known = {"pedestrian": RUNNERS, "vehicle": VEHICLE_SIZES}.get(agent.type, ())
+        if agent.subtype is not None and agent.subtype not in known:
+            rows.append((own, f"there is no {agent.type} of the subtype {agent.subtype!r}"))
+    rows += [((), detail) for each in scene.objects for detail in _check_object(each)]
+    first: dict[str, int] = {}
+    for agent in scene.agents:
+        other = first.setdefault(agent.name, agent.id)
+        if other != agent.id:
+            detail = f"agents {other} and {agent.id} have the same name {agent.name!r}"
+            rows.append(((other, agent.id), detail))
+    # What the account says was asked for stands among the relations.
+    asked = {(each.type, frozenset((each.from_, each.to))) for each in scene.relations}
+    for entry in scene.said:
+        event = EVENT_OF_RELATION.get(entry.value or "") if entry.became == "relation" else None
+        if event is not None and (event, frozenset(entry.agents)) not in asked:
+            detail = f"'{entry.words}' asks for {event}; relations has none of these agents"
+            rows.append((entry.agents, detail))
+    rule = "metadata_contradicted"
+    return tuple(Finding(rule=rule, agents=agents, detail=detail) for agents, detail in rows)
+
+
+def _check_meta(scene: SceneRecord, intersection_map: IntersectionMap | None) -> Iterator[str]:
+    """The map and the time are those named; the account's words stand where it has them."""
+    if intersection_map is not None and scene.meta.map_id != intersection_map.map_id:
+        yield (
+            f"map_id is {scene.meta.map_id}; that of {intersection_map.name} is "
+            f"{intersection_map.map_id}"
+        )
+    time = _CLOCK.fullmatch(scene.meta.time_of_day)
+    if time is None:
+        yield f"time_of_day {scene.meta.time_of_day!r} is no time such as 08:00"
+    elif not 0.0 <= scene.meta.timestamp - 3600 * int(time[1]) - 60 * int(time[2]) < 60.0:
+        yield (
+            f"timestamp {scene.meta.timestamp:g} s after midnight is not at "
+            f"{scene.meta.time_of_day}"
+        )
+    prompt = scene.meta.user_prompt
+    for entry in scene.said if _CUT not in prompt else ():
+        if entry.end and prompt[entry.start : entry.end].casefold() != entry.words.casefold():
+            yield f"the instruction does not say {entry.words!r} where the account has it"
+
+
+def _check_object(each: ObjectRecord) -> Iterator[str]:
+    """An object has about the size of its kind, and blocks the view as its kind does."""
+    if each.kind in OBJECT_SIZES:
+        sizes = [OBJECT_SIZES[each.kind]]
+    elif each.subtype is None:
+        sizes = list(VEHICLE_SIZES.values())
+    else:
+        sizes = [size for name, size in VEHICLE_SIZES.items() if name == each.subtype]
+    ratios = [(each.length / length, each.width / width) for length, width in sizes]
+    if not any(max(abs(a - 1), abs(b - 1)) <= SIZE for a, b in ratios):
+        what = f"{each.kind} {each.subtype or ''}".strip()
+        yield f"{each.id}, a {what}, measures {each.length:g} x {each.width:g} m"
+    if (each.height == "low") != bool(_SEEN_OVER & {each.kind, each.subtype}):
+        yield f"{each.id}, a {each.subtype or each.kind}, is not {each.height}"

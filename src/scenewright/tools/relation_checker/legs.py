@@ -7,7 +7,6 @@ lanes (a wrong-way driver, a map without lanes) it is the leg whose direction it
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -31,23 +30,8 @@ _SEEN_AS = {"lateral": ("left", "right"), "other": ("left", "right", "opposite")
 _ROUND = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
 
 
-@dataclass(frozen=True, eq=False)
-class LanePoints:
-    """The middles of a map's lanes on legs, point by point.
-
-    Attributes:
-        xy: [P, 2] points [m]; heading: [P] of the lane there [rad].
-        legs: by point.
-    """
-
-    xy: FloatArray
-    heading: FloatArray
-    legs: tuple[str, ...]
-
-    def find_leg(self, xy: FloatArray, heading: float) -> str | None:
-        """The leg of the nearest lane that leads the way a vehicle [2] is headed, if on it."""
-        nearest, away = _find_nearest_alike(self.xy, self.heading, xy, heading)
-        return self.legs[nearest] if away <= BESIDE else None
+LanePoints = tuple[FloatArray, FloatArray, tuple[str, ...]]
+"""Middles of a map's lanes on legs: points [P, 2] [m], headings [P] [rad] and legs [P]."""
 
 
 @compiled
@@ -81,9 +65,10 @@ def _find_leg(track: Trajectory, intersection_map: IntersectionMap, kind: _Kind)
     """The leg of the lane at that end of a track; beside the lanes that with its direction."""
     k, turn, sign, least = (0, np.pi, -1.0, 0.0) if kind == "approach" else (-1, 0.0, 1.0, WELL_OUT)
     heading = float(track.heading[k])
-    name = _get_lane_points(intersection_map, kind).find_leg(track.xy[k], heading)
-    if name is not None:
-        return name
+    points, headings, legs = _get_lane_points(intersection_map, kind)
+    beside, away = _find_nearest_alike(points, headings, track.xy[k], heading)
+    if away <= BESIDE:
+        return legs[beside]
     ways = {leg.name: leg.bearing + turn for leg in intersection_map.legs}
     off = {leg: abs((heading - way + np.pi) % (2.0 * np.pi) - np.pi) for leg, way in ways.items()}
     nearest = min(off, key=off.__getitem__, default=None)
@@ -118,13 +103,11 @@ def check_ties(
         seen = find_relative_side(entry, seen_from=other) if entry and other else "none"
         if seen in _SEEN_AS.get(tie.side, (tie.side,)):
             continue
-        found.append(
-            Finding(
-                rule="entry_elsewhere", agents=(tie.agent, tie.of),
-                detail=f"agent {tie.agent} comes from the {entry or 'middle'}, agent {tie.of} from "
-                f"the {other or 'middle'}: {seen} observed, {tie.side} asked for",
-            )
-        )  # fmt: skip
+        found.append(Finding(
+            rule="entry_elsewhere", agents=(tie.agent, tie.of),
+            detail=f"agent {tie.agent} comes from the {entry or 'middle'}, agent {tie.of} from "
+            f"the {other or 'middle'}: {seen} observed, {tie.side} asked for",
+        ))  # fmt: skip
     return tuple(found)
 
 
@@ -136,33 +119,25 @@ def _get_lane_points(intersection_map: IntersectionMap, kind: _Kind) -> LanePoin
     for known, lanes in _known:
         if known is intersection_map:
             return lanes[kind]
-    found: dict[_Kind, LanePoints] = {
-        each: _build_lane_points(intersection_map, each) for each in _KINDS
-    }
+    found: dict[_Kind, LanePoints] = {}
+    for each in _KINDS:
+        parts, legs = [np.zeros((0, 3))], list[str]()
+        for lane in intersection_map.lanelets:
+            if lane.kind == each and lane.leg is not None:
+                line = np.array(lane.centreline)
+                step = np.diff(line, axis=0)
+                s = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
+                at = np.linspace(0.0, s[-1], max(2, round(float(s[-1]) / _SPACING) + 1))
+                piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(step) - 1)
+                course = np.arctan2(step[:, 1], step[:, 0])[piece]
+                x, y = (np.interp(at, s, line[:, axis]) for axis in (0, 1))
+                parts.append(np.stack([x, y, course], axis=1))
+                legs += [lane.leg] * len(at)
+        points = np.concatenate(parts)
+        found[each] = points[:, :2], points[:, 2], tuple(legs)
     _known[:] = [(intersection_map, found), *_known[:3]]
     return found[kind]
 
 
 _KINDS: tuple[_Kind, ...] = ("approach", "exit")
 _SPACING = 1.0
-
-
-def _build_lane_points(intersection_map: IntersectionMap, kind: _Kind) -> LanePoints:
-    parts: list[FloatArray] = [np.zeros((0, 3))]
-    legs: list[str] = []
-    for lane in intersection_map.lanelets:
-        if lane.kind == kind and lane.leg is not None:
-            parts.append(_sample_line(np.array(lane.centreline)))
-            legs += [lane.leg] * len(parts[-1])
-    points = np.concatenate(parts)
-    return LanePoints(points[:, :2], points[:, 2], tuple(legs))
-
-
-def _sample_line(line: FloatArray) -> FloatArray:
-    """[P, 3] x, y and heading every metre along a line."""
-    step = np.diff(line, axis=0)
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
-    at = np.linspace(0.0, s[-1], max(2, round(float(s[-1]) / _SPACING) + 1))
-    course = np.arctan2(step[:, 1], step[:, 0])
-    piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(step) - 1)
-    return np.stack([np.interp(at, s, line[:, 0]), np.interp(at, s, line[:, 1]), course[piece]], 1)

@@ -12,11 +12,7 @@ from scenewright.compiled import compiled_to_write
 from scenewright.scene.base import FloatArray
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.footprints import (
-    BoolArray,
-    make_pose,
-    meets_box,
-)
+from scenewright.tools.relation_checker.footprints import BoolArray, make_pose, meets_box
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 EYE_BEHIND_FRONT = 0.4

@@ -8,8 +8,8 @@ import numpy as np
 
 from scenewright.scene.events import Finding
 from scenewright.tools.relation_checker.events import SceneObservation
-from scenewright.tools.relation_checker.standstills import find_standstills
 from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.yielding import STANDING
 
 MOST_ON_GREEN = 4.0
 """How long an agent may stand on green with nobody before it [s]."""
@@ -31,7 +31,7 @@ def check_liveness(
     """
     hits = [each for each in observed.events if each.type == "collision"]
     wrecks = {agent for each in hits for agent in (each.from_, each.to)}
-    found = []
+    found, lights = [], observed.lights
     for track in observed.tracks:
         if track.id not in background or track.id in wrecks:
             continue
@@ -39,7 +39,17 @@ def check_liveness(
             found.append(_report("never_moves", track, track.start, "never moves"))
             continue
         for begin, end in find_standstills(track):
-            green = _find_unused_green(track, begin, end, observed)
+            if end - begin <= MOST_ON_GREEN:
+                continue
+            light, away = lights.find_light_after(track, end)
+            if light is None or away - track.nose > AT_LINE:
+                continue
+            green = next((
+                first for start, stop in lights.list_green_spans(light)
+                for first, last in [(max(start, begin), min(stop, end))]
+                if last - first > MOST_ON_GREEN
+                and not _is_blocked(track, first, last, observed.tracks)
+            ), None)  # fmt: skip
             if green is not None:
                 rule = "stands_on_green" if track.is_vehicle else "misses_walk_phase"
                 detail = f"stands on green from {green:.1f} s on, with nobody before it"
@@ -50,22 +60,6 @@ def check_liveness(
 def _report(rule: str, track: Trajectory, time: float, detail: str) -> Finding:
     words = f"{track.type} {track.id} {detail}"
     return Finding(rule=rule, agents=(track.id,), time=round(time, 3), detail=words)
-
-
-def _find_unused_green(
-    track: Trajectory, begin: float, end: float, observed: SceneObservation
-) -> float | None:
-    """From when on [s] an agent that stands at its light does so on green for too long."""
-    if end - begin <= MOST_ON_GREEN:
-        return None
-    light, away = observed.lights.find_light_after(track, end)
-    if light is None or away - track.nose > AT_LINE:
-        return None
-    for start, stop in observed.lights.list_green_spans(light):
-        first, last = max(start, begin), min(stop, end)
-        if last - first > MOST_ON_GREEN and not _is_blocked(track, first, last, observed.tracks):
-            return first
-    return None
 
 
 def _is_blocked(track: Trajectory, first: float, last: float, tracks: Sequence[Trajectory]) -> bool:
@@ -82,3 +76,18 @@ def _is_blocked(track: Trajectory, first: float, last: float, tracks: Sequence[T
         if np.any((along > 0.0) & (along < ahead + track.nose) & (beside < aside)):
             return True
     return False
+
+
+LEAST_STAND = 0.5
+"""A shorter standstill is none [s]."""
+
+
+def find_standstills(track: Trajectory) -> list[tuple[float, float]]:
+    """From when to when an agent stands [s], in order."""
+    slow = np.concatenate(([False], track.speed <= STANDING, [False]))
+    edges = np.flatnonzero(slow[1:] != slow[:-1])
+    spans = [
+        (float(track.times[begin]), float(track.times[end - 1]))
+        for begin, end in edges.reshape(-1, 2)
+    ]
+    return [each for each in spans if each[1] - each[0] >= LEAST_STAND - 1e-6]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
 from scenewright.scene.events import Event
@@ -39,22 +37,14 @@ def find_missing_manoeuvre(
     relation: RelationRecord, event: Event, observed: SceneObservation
 ) -> str | None:
     """Why an event did not come about in the way asked for; None if it did, or any way will do."""
-    if relation.manoeuvre is None or describe_manoeuvre(relation, event, observed) is not None:
-        return None
-    return f"it does not come about as {relation.manoeuvre}"
-
-
-def describe_manoeuvre(
-    relation: RelationRecord, event: Event, observed: SceneObservation
-) -> str | None:
-    """What the tracks show of a relation's manoeuvre around an event; None if they do not."""
-    tracks = {track.id: track for track in observed.tracks}
-    first, second = tracks[relation.from_], tracks[relation.to]
     if relation.manoeuvre is None:
         return None
+    first, second = observed.by_id[relation.from_], observed.by_id[relation.to]
     observer = str(get_kind("manoeuvre", relation.manoeuvre).observe)
     describe = load_function(observer, __package__)
-    return cast("str | None", describe(first, second, event, observed))
+    if describe(first, second, event, observed) is not None:
+        return None
+    return f"it does not come about as {relation.manoeuvre}"
 
 
 def describe_tailgating(
@@ -63,7 +53,7 @@ def describe_tailgating(
     """Half of the time that it follows, the headway is a second or less; only of a follow."""
     if event.type != "follow":
         return None
-    ids = [track.id for track in observed.tracks]
+    ids = observed.ids
     for lane in observed.lanes:
         if ids[lane.follower] == follower.id:
             near = (lane.times >= event.time) & (lane.times <= float(event.evidence["until"]))
@@ -89,7 +79,7 @@ def describe_cut_in(
     changed = _measure_lane_change(first, second, event.time, MERGES)
     if changed is None:
         return None
-    ids = [track.id for track in observed.tracks]
+    ids = observed.ids
     for lane in observed.lanes:
         if ids[lane.follower] == second.id:
             after = (np.abs(lane.times - event.time) <= MERGES) & (lane.headway <= CUT_IN)
@@ -106,26 +96,20 @@ def _measure_lane_change(
     Args:
         later: until how long after the event it may still be coming over [s].
     """
-    apart = _measure_aside(first, second)
-    before = [d for t, d in apart if time - CHANGES <= t <= time]
-    after = [d for t, d in apart if abs(t - time) <= later + 0.15]
-    if not before or not after or max(before) < OTHER_LANE:
-        return None
-    changed = max(before) - min(after)
-    return changed if changed >= LEAST_CHANGE else None
-
-
-def _measure_aside(first: Trajectory, second: Trajectory) -> list[tuple[float, float]]:
-    """Times [s] at which the first is beside the other's way, which goes on a little straight at
-    both ends, and how far from it [m]; who is farther ahead or behind is in no lane of that way."""
+    # The way goes on a little straight at both ends; who is farther ahead or behind is in no lane
+    # of it.
     ends = second.heading[[0, -1]]
     on = GOES_ON * np.stack((np.cos(ends), np.sin(ends)), axis=1)
     way = geos.LineString(np.vstack((second.xy[:1] - on[:1], second.xy, second.xy[-1:] + on[1:])))
     points = geos.points(first.xy)
-    along = geos.line_locate_point(way, points)
+    along, away = geos.line_locate_point(way, points), geos.distance(way, points)
     beside = (along > 1e-6) & (along < way.length - 1e-6)
-    away = geos.distance(way, points)
-    return list(zip(first.times[beside].tolist(), away[beside].tolist(), strict=True))
+    before = away[beside & (first.times >= time - CHANGES) & (first.times <= time)]
+    after = away[beside & (np.abs(first.times - time) <= later + 0.15)]
+    if not len(before) or not len(after) or before.max() < OTHER_LANE:
+        return None
+    changed = float(before.max() - after.min())
+    return changed if changed >= LEAST_CHANGE else None
 
 
 def describe_lead_braking(
@@ -135,44 +119,26 @@ def describe_lead_braking(
     since, until = event.time - SOON.get(event.type, 0.0), event.time
     if event.type == "follow":
         until = float(event.evidence["until"])
-    onset = _find_hard_braking(leader, since, until)
-    if onset is None or not _is_next_behind(follower, leader, onset, observed):
+    hard = np.flatnonzero((leader.acceleration < -HARD) & _is_between(leader, since, until))
+    ids = observed.ids
+    lane = next((each for each in observed.lanes if ids[each.follower] == follower.id), None)
+    if not len(hard) or lane is None:
         return None
-    if event.type == "follow" and not _slows_down(follower, onset):
+    onset = float(leader.times[hard[0]])
+    if leader.speed[_is_between(leader, onset - 1.5, onset)].max() < MOVING:
         return None
+    # No other vehicle drives between the two in one lane as it begins to brake.
+    k = int(np.argmin(np.abs(lane.times - onset)))
+    if lane.leader[k] < 0 or ids[lane.leader[k]] != leader.id or lane.gap[k] > LOOK_AHEAD:
+        return None
+    if event.type == "follow":  # it comes down to half its speed, or less
+        before = follower.speed[_is_between(follower, onset - 0.5, onset + 0.1)]
+        after = follower.speed[_is_between(follower, onset, onset + ANSWERS)]
+        if not (len(before) and len(after) and after.min() <= before.max() / 2):
+            return None
     hardest = -float(leader.acceleration[_is_between(leader, onset, until)].min())
     what = f"agent {leader.id} brakes at {hardest:.1f} m/s² from {onset:.1f} s on"
     return f"{what}, ahead of agent {follower.id}"
-
-
-def _find_hard_braking(track: Trajectory, since: float, until: float) -> float | None:
-    """When it begins to brake hard from a drive [s]; None if it does not in that span."""
-    hard = np.flatnonzero((track.acceleration < -HARD) & _is_between(track, since, until))
-    if len(hard) == 0:
-        return None
-    onset = float(track.times[hard[0]])
-    driven = track.speed[_is_between(track, onset - 1.5, onset)]
-    return onset if float(driven.max()) >= MOVING else None
-
-
-def _is_next_behind(
-    follower: Trajectory, leader: Trajectory, time: float, observed: SceneObservation
-) -> bool:
-    """Whether no other vehicle drives between the two in one lane at a time [s]."""
-    ids = [track.id for track in observed.tracks]
-    for lane in observed.lanes:
-        if ids[lane.follower] == follower.id:
-            k = int(np.argmin(np.abs(lane.times - time)))
-            ahead = lane.leader[k]
-            return bool(ahead >= 0 and ids[ahead] == leader.id and lane.gap[k] <= LOOK_AHEAD)
-    return False
-
-
-def _slows_down(follower: Trajectory, onset: float) -> bool:
-    """Whether it comes down to half its speed, or less, after the leader began to brake."""
-    before = follower.speed[_is_between(follower, onset - 0.5, onset + 0.1)]
-    after = follower.speed[_is_between(follower, onset, onset + ANSWERS)]
-    return bool(len(before) and len(after) and after.min() <= before.max() / 2)
 
 
 def _is_between(track: Trajectory, since: float, until: float) -> BoolArray:

@@ -15,8 +15,8 @@ from scenewright.scene.record import MeasureRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.liveness import find_standstills
 from scenewright.tools.relation_checker.planar import geos
-from scenewright.tools.relation_checker.standstills import find_standstills
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 KEPT = 1.0
@@ -44,7 +44,7 @@ class MeasuredFigures:
     ) -> None:
         self._observed, self._map = observed, intersection_map
         self._events = sorted(events, key=lambda each: WEIGHT[each.type])
-        self._tracks = {track.id: track for track in observed.tracks}
+        self._tracks = observed.by_id
 
     def find_shortfalls(
         self, measures: Sequence[MeasureRecord]
@@ -65,9 +65,17 @@ class MeasuredFigures:
         track = self._tracks[measure.agent]
         match measure.kind:
             case "speed":
-                return measure_kept_speed(track)
+                # The highest that is kept for a second.
+                window = round(KEPT / STEP)
+                if len(track.speed) <= window:
+                    return ()
+                views = np.lib.stride_tricks.sliding_window_view(track.speed, window)
+                return (float(views.min(axis=1).max()),)
             case "line_speed":
-                return self._measure_line_speed(track)
+                # Where it passes its light: the red one that it runs, else the first.
+                lights = self._observed.lights
+                met = (*lights.find_red_crossings(track), *lights.find_crossings(track))
+                return tuple(float(np.interp(c.time, track.times, track.speed)) for c in met[:1])
             case "braking":
                 return (float(-track.acceleration.min(initial=0.0)),)
             case "acceleration":
@@ -79,7 +87,8 @@ class MeasuredFigures:
         return self._measure_pair(measure, track)
 
     def _measure_pair(self, measure: MeasureRecord, track: Trajectory) -> tuple[float, ...]:
-        event = self._find_event(measure)
+        pair = {measure.agent, measure.other}
+        event = next((e for e in self._events if {e.from_, e.to} == pair), None)
         if event is None or measure.other is None:
             return ()
         evidence = event.evidence
@@ -99,16 +108,6 @@ class MeasuredFigures:
                 return measure_impact_share(measure.kind, track, self._tracks[measure.other], event)
         return ()
 
-    def _find_event(self, measure: MeasureRecord) -> Event | None:
-        pair = {measure.agent, measure.other}
-        return next((e for e in self._events if {e.from_, e.to} == pair), None)
-
-    def _measure_line_speed(self, track: Trajectory) -> tuple[float, ...]:
-        """Where it passes its light: the red one that it runs, else the first."""
-        lights = self._observed.lights
-        times = [c.time for c in (*lights.find_red_crossings(track), *lights.find_crossings(track))]
-        return tuple(float(np.interp(time, track.times, track.speed)) for time in times[:1])
-
     def _find_wait(self, track: Trajectory) -> list[tuple[float, float]]:
         """The standstill in which it gives way; else its longest."""
         stands = find_standstills(track)
@@ -127,17 +126,15 @@ class MeasuredFigures:
         if not stretches:
             return ()
         start, end = max(stretches, key=lambda each: each[1] - each[0])
-        index = {track.id: n for n, track in enumerate(self._observed.tracks)}
+        ids = self._observed.ids
         found = [
             (lane.gap if measure.kind == "gap" else lane.headway)[
-                (lane.leader == index[measure.other or 0])
-                & (lane.times >= start - STEP / 2)
-                & (lane.times <= end + STEP / 2)
-                & (lane.speed > MOVING)
+                (lane.leader == ids.index(measure.other or 0)) & (lane.times >= start - STEP / 2)
+                & (lane.times <= end + STEP / 2) & (lane.speed > MOVING)
             ]
             for lane in self._observed.lanes
-            if lane.follower == index[measure.agent]
-        ]
+            if ids[lane.follower] == measure.agent
+        ]  # fmt: skip
         values: FloatArray = np.concatenate([*found, np.empty(0)])
         return (float(values.min()), float(np.median(values))) if len(values) else ()
 
@@ -172,15 +169,6 @@ def _find_shortfall(measure: MeasureRecord, values: Sequence[float]) -> str | No
     seen = f"{seen} {unit}" if seen else "none"
     asked = f"{measure.low:.4g} to {measure.high:.4g} {unit} asked for"
     return f"{name} of {of}: {seen} observed, {asked}"
-
-
-def measure_kept_speed(track: Trajectory) -> tuple[float, ...]:
-    """The highest speed that is kept for a second [m/s]."""
-    window = round(KEPT / STEP)
-    if len(track.speed) <= window:
-        return ()
-    kept = np.lib.stride_tricks.sliding_window_view(track.speed, window).min(axis=1)
-    return (float(kept.max()),)
 
 
 def measure_impact_share(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -78,14 +78,11 @@ def check_contacts(
                 continue
             time = find_contact(each, track)
             if time is not None:
-                found.append(
-                    Finding(
-                        rule="object_contact", agents=(track.id,), time=round(time, 3),
-                        measured=0.0,
-                        detail=f"{track.type} {track.id} touches {each.id} ({each.kind}) at "
-                        f"{time:.1f} s",
-                    )
-                )  # fmt: skip
+                what = f"{track.type} {track.id} touches {each.id} ({each.kind}) at {time:.1f} s"
+                found.append(Finding(
+                    rule="object_contact", agents=(track.id,), time=round(time, 3), measured=0.0,
+                    detail=what,
+                ))  # fmt: skip
     return tuple(found)
 
 
@@ -134,19 +131,14 @@ def check_places(
             found.append(_report_place(each, "stands on a crosswalk"))
         elif outline.intersection(ground).area < 0.95 * outline.area:
             found.append(_report_place(each, "stands off the road and the sidewalks"))
-        elif each.kind == "door" and not _is_at_vehicle(each, objects, outlines):
+        elif each.kind == "door" and not any(
+            outline.distance(outlines[o.id]) <= AT_SIDE
+            for o in objects if o.kind == "parked" and each.id == name_door(o.id)
+        ):  # fmt: skip
             found.append(_report_place(each, "is at no parked vehicle"))
         elif each.lane is not None and not _is_outermost(each, intersection_map):
             found.append(_report_place(each, f"does not stand in the {each.lane} lane"))
     return tuple(found)
-
-
-def _is_at_vehicle(
-    door: ObjectRecord, objects: Sequence[ObjectRecord], outlines: Mapping[str, Any]
-) -> bool:
-    """Whether a door stands out from the side of a parked vehicle."""
-    vehicles = [o for o in objects if o.kind == "parked" and door.id == name_door(o.id)]
-    return any(outlines[o.id].distance(outlines[door.id]) <= AT_SIDE for o in vehicles)
 
 
 def _is_outermost(each: ObjectRecord, intersection_map: IntersectionMap) -> bool:
@@ -182,11 +174,7 @@ def _report_place(each: ObjectRecord, what: str) -> Finding:
 
 
 def check_sights(
-    scene: SceneRecord,
-    events: Sequence[Event],
-    observed: SceneObservation,
-    *,
-    left_hand: bool,
+    scene: SceneRecord, events: Sequence[Event], observed: SceneObservation, *, left_hand: bool
 ) -> tuple[list[dict[str, Any]], tuple[Finding, ...]]:
     """What was measured of every line of sight that was to be blocked, and what is not so.
 
@@ -196,7 +184,11 @@ def check_sights(
     figures: list[dict[str, Any]] = []
     findings: list[Finding] = []
     for sight in scene.sights:
-        event = _find_event(scene, events, sight)
+        # The event that realises the relation of the two.
+        both = {sight.observer, sight.subject}
+        asked = {r.type for r in scene.relations if {r.from_, r.to} == both}
+        known = set(EVENT_OF_RELATION.values()) & asked
+        event = next((e for e in events if {e.from_, e.to} == both and e.type in known), None)
         measured = None if event is None else _measure(scene, observed, sight, event, left_hand)
         fault = "the two have no event" if event is None else _find_fault(sight, event, measured)
         fault = fault or _find_wrong_gap(scene, observed, sight)
@@ -208,14 +200,12 @@ def check_sights(
             pair = sight.observer, sight.subject
             findings.append(Finding(rule="sight_not_blocked", agents=pair, detail=detail))
         if event is not None and measured is not None and measured[0] is not None:
-            figures.append(
-                {
-                    "observer": sight.observer, "subject": sight.subject, "object": sight.object,
-                    "first_visible": round(measured[0].time, 3),
-                    "before_event": round(event.time - measured[0].time, 3),
-                    "hidden_for": measured[0].hidden_for,
-                }
-            )  # fmt: skip
+            figures.append({
+                "observer": sight.observer, "subject": sight.subject, "object": sight.object,
+                "first_visible": round(measured[0].time, 3),
+                "before_event": round(event.time - measured[0].time, 3),
+                "hidden_for": measured[0].hidden_for,
+            })  # fmt: skip
     return figures, tuple(findings)
 
 
@@ -230,8 +220,7 @@ def _measure(
     event: Event,
     left_hand: bool,
 ) -> Measured:
-    tracks = {track.id: track for track in observed.tracks}
-    pair = tracks[sight.observer], tracks[sight.subject]
+    pair = observed.by_id[sight.observer], observed.by_id[sight.subject]
     high = {a.id for a in scene.agents if a.type == "vehicle" and a.subtype != "motorcycle"}
     others = [t for t in observed.tracks if t.id in high - {sight.observer, sight.subject}]
     alone = [each for each in scene.objects if each.id == sight.object]
@@ -269,7 +258,7 @@ def _find_wrong_gap(
         return None
     one, two = ({each.id: each for each in scene.objects}[name] for name in
                 (sight.object, sight.between))  # fmt: skip
-    track = next(each for each in observed.tracks if each.id == sight.subject)
+    track = observed.by_id[sight.subject]
     gap = float(_make_outline(one).distance(_make_outline(two)))
     across = np.array([two.x - one.x, two.y - one.y])
     offsets = track.xy - (one.x, one.y)
@@ -279,11 +268,3 @@ def _find_wrong_gap(
     if gap <= WIDEST and passes.any():
         return None
     return f"it does not come out between {one.id} and {two.id}, {gap:.1f} m apart"
-
-
-def _find_event(scene: SceneRecord, events: Sequence[Event], sight: SightRecord) -> Event | None:
-    """The event that realises the relation of the two."""
-    pair = {sight.observer, sight.subject}
-    asked = {r.type for r in scene.relations if {r.from_, r.to} == pair}
-    known = set(EVENT_OF_RELATION.values()) & asked
-    return next((e for e in events if {e.from_, e.to} == pair and e.type in known), None)

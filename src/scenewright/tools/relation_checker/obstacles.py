@@ -15,6 +15,7 @@ from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import get_figure
 from scenewright.tools.relation_checker.certificate import WRECK_ENDS_WITHIN, check_wreck_clearance
 from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.objects import find_contact, measure_gaps
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
@@ -52,7 +53,7 @@ def check_encounters(
     scene: SceneRecord, observed: SceneObservation
 ) -> tuple[list[Measured], tuple[Finding, ...]]:
     """What was measured of every encounter asked for, and what is not as asked."""
-    tracks = {track.id: track for track in observed.tracks}
+    tracks = observed.by_id
     objects = {each.id: each for each in scene.objects}
     figures: list[Measured] = []
     findings: list[Finding] = []
@@ -65,7 +66,15 @@ def check_encounters(
         if has_trait("encounter", each.how, "behind_agent"):
             others = [o for o in scene.encounters if o.object == each.object and o != each]
             standing = [tracks[o.agent] for o in others if has_trait("encounter", o.how, "stands")]
-            things = [_make_last_outline(other) for other in standing]
+            # Where their tracks end, as something that stands.
+            things = [
+                ObjectRecord(
+                    id=f"agent {other.id}", kind="stalled", height="high", length=other.length,
+                    width=other.width, x=float(other.xy[-1, 0]), y=float(other.xy[-1, 1]),
+                    heading=float(other.heading[-1]),
+                )
+                for other in standing
+            ]  # fmt: skip
         # The first that was measured, else the last fault.
         found: Measured | str = "no agent stands, or no door opens, that it could meet"
         for thing in things:
@@ -74,9 +83,7 @@ def check_encounters(
                 found = _find_figure_fault(each, found) or found
                 break
         if isinstance(found, str):
-            detail = (
-                f"agent {each.agent} {get_kind('encounter', each.how).shown} {each.object}: {found}"
-            )
+            detail = f"agent {each.agent} {kind.shown} {each.object}: {found}"
             rule = "encounter_not_realised"
             findings.append(Finding(rule=rule, agents=(each.agent,), detail=detail))
             continue
@@ -95,15 +102,6 @@ def _find_figure_fault(each: EncounterRecord, found: Measured) -> str | None:
         return None
     measured = f"{own.name} {found[own.name]:.2f} {own.unit}"
     return f"{measured}; asked for {low:g} to {high:g} {own.unit}"
-
-
-def _make_last_outline(track: Trajectory) -> ObjectRecord:
-    """Where a track ends, as something that stands."""
-    x, y = track.xy[-1].tolist()
-    return ObjectRecord(
-        id=f"agent {track.id}", kind="stalled", height="high", length=track.length,
-        width=track.width, x=x, y=y, heading=float(track.heading[-1]),
-    )  # fmt: skip
 
 
 def list_asked_hits(scene: SceneRecord) -> frozenset[tuple[int, str]]:
@@ -128,9 +126,11 @@ def measure_passing(
     beside = np.flatnonzero((np.abs(along) < half) & (np.abs(aside) < 6.0))
     if not len(beside) or along[0] > -half or along[-1] < half:
         return "it does not come from behind it and drive on ahead of it"
-    heads = _find_last_run(_heads_for(track, thing, moving=least > 0.0)[: beside[0]])
-    if heads is None:
+    heading = _heads_for(track, thing, moving=least > 0.0)[: beside[0]]
+    lasting = np.convolve(heading, np.ones(HEADS_FOR))[HEADS_FOR - 1 :] > HEADS_FOR - 0.5
+    if not lasting.any():
         return "it never drives straight at it, so it is not in its way"
+    heads = int(np.flatnonzero(lasting)[-1]) + HEADS_FOR - 1
     gaps = measure_gaps(track.xy, track.heading, track.box, thing)
     k = int(gaps.argmin())
     moved = float(np.abs(aside[beside] - aside[heads]).max())
@@ -175,13 +175,6 @@ def measure_short_stop(track: Trajectory, thing: ObjectRecord, until: float) -> 
         return "it does not brake hard for it at the last moment"
     return {**waiting, "path_ttc": round(float(close.min()), 3),
             "braking": round(float(-track.acceleration.min()), 3)}  # fmt: skip
-
-
-def _find_last_run(flags: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> int | None:
-    """The last of the last samples in a row that are true, if there are enough of them."""
-    lasting = np.convolve(flags, np.ones(HEADS_FOR))[HEADS_FOR - 1 :] > HEADS_FOR - 0.5
-    found = np.flatnonzero(lasting)
-    return int(found[-1]) + HEADS_FOR - 1 if len(found) else None
 
 
 def measure_waiting(track: Trajectory, thing: ObjectRecord, until: float) -> Measured | str:
@@ -240,9 +233,7 @@ def _locate(track: Trajectory, thing: ObjectRecord) -> tuple[FloatArray, FloatAr
     return np.asarray(cos * x + sin * y), np.asarray(cos * y - sin * x)
 
 
-def _heads_for(
-    track: Trajectory, thing: ObjectRecord, *, moving: bool = True
-) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _heads_for(track: Trajectory, thing: ObjectRecord, *, moving: bool = True) -> BoolArray:
     """[N] whether the way straight ahead, as wide as the agent, meets the object."""
     cos, sin = np.cos(track.heading), np.sin(track.heading)
     away = (thing.x, thing.y) - track.xy

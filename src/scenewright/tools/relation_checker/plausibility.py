@@ -11,7 +11,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import STEP, VEHICLE_SIZES
 from scenewright.tools.relation_checker.footprints import IntArray, compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
@@ -55,12 +55,11 @@ class AllowedExceptions:
 
     Attributes:
         emergencies: times of its collisions and near misses [s].
-        running: a pedestrian that runs; jaywalking: one that may walk on the road.
+        running: a pedestrian that runs.
     """
 
     emergencies: tuple[float, ...] = ()
     running: bool = False
-    jaywalking: bool = False
 
 
 def check_form(scene: SceneRecord) -> tuple[Finding, ...]:
@@ -73,22 +72,18 @@ def check_form(scene: SceneRecord) -> tuple[Finding, ...]:
         detail = f"the scene lasts {scene.meta.duration:.1f} s; at most {LONGEST:.0f} s"
         found.append(Finding(rule="duration", agents=(), limit=LONGEST, detail=detail))
     for agent in scene.agents:
-        if not _has_usual_size(agent):
+        length, width = RIDER_SIZES.get(agent.type, (0.6, 0.6))
+        usual = max(abs(agent.length - length), abs(agent.width - width)) < 0.01
+        if agent.type == "vehicle":
+            named = VEHICLE_SIZES.get(agent.subtype or "")
+            usual = any(
+                max(abs(agent.length / length - 1), abs(agent.width / width - 1)) <= SIZE
+                for length, width in ([named] if named else VEHICLE_SIZES.values())
+            )
+        if not usual:
             detail = f"{agent.type} {agent.id} measures {agent.length:g} x {agent.width:g} m"
             found.append(Finding(rule="size", agents=(agent.id,), detail=detail))
     return tuple(found)
-
-
-def _has_usual_size(agent: AgentRecord) -> bool:
-    if agent.type != "vehicle":
-        length, width = RIDER_SIZES.get(agent.type, (0.6, 0.6))
-        return max(abs(agent.length - length), abs(agent.width - width)) < 0.01
-    named = VEHICLE_SIZES.get(agent.subtype or "")
-    sizes = [named] if named else VEHICLE_SIZES.values()
-    return any(
-        max(abs(agent.length / length - 1), abs(agent.width / width - 1)) <= SIZE
-        for length, width in sizes
-    )
 
 
 class _MotionLimit(NamedTuple):
@@ -110,69 +105,55 @@ def check_motion_limits(
 ) -> tuple[tuple[Finding, ...], ...]:
     """Every limit of SEMANTICS section 5 that each agent's motion breaks, worst value each."""
     found: tuple[list[Finding], ...] = tuple([] for _ in tracks)
-    for rules, types in (
-        (_limit_vehicles, ("vehicle",)),
-        (_limit_riders, ("cyclist", "scooter")),
-        (_limit_pedestrians, ("pedestrian",)),
-    ):
+    for types in (("vehicle",), ("cyclist", "scooter"), ("pedestrian",)):
         rows = [n for n, m in enumerate(tracks) if m.type in types]
         chosen = [tracks[n] for n in rows]
         origin = concatenate_samples(chosen)[2]
-        for rule in rules(chosen, [exceptions[n] for n in rows], origin) if rows else ():
-            for n, finding in _find_violations(rule, chosen, origin):
-                found[rows[n]].append(finding)
+        for rule in _list_limits(chosen, [exceptions[n] for n in rows], origin) if rows else ():
+            excess = rule.values - rule.limit
+            worst = np.maximum.reduceat(excess, origin[:-1])
+            for n in np.flatnonzero(worst > rule.tolerance).tolist():
+                track, first = chosen[n], origin[n]
+                k = int(excess[first : origin[n + 1]].argmax())
+                measured = float(rule.values[first + k])
+                limit = float(np.broadcast_to(rule.limit, excess.shape)[first + k])
+                found[rows[n]].append(Finding(
+                    rule=rule.name, agents=(track.id,), time=round(float(track.times[k]), 3),
+                    measured=round(measured, 3), limit=round(limit, 3),
+                    detail=f"{track.type} {track.id}: {rule.name} {measured:.2f} {rule.unit} at "
+                    f"{track.times[k]:.1f} s; at most {limit:.2f}",
+                ))  # fmt: skip
     return tuple(map(tuple, found))
 
 
-def _find_violations(
-    rule: _MotionLimit, tracks: Sequence[Trajectory], origin: IntArray
-) -> Iterator[tuple[int, Finding]]:
-    """Which tracks break a rule, and where most."""
-    excess = rule.values - rule.limit
-    worst = np.maximum.reduceat(excess, origin[:-1])
-    for n in np.flatnonzero(worst > rule.tolerance).tolist():
-        track, k = tracks[n], int(excess[origin[n] : origin[n + 1]].argmax())
-        measured = float(rule.values[origin[n] + k])
-        limit = rule.limit if isinstance(rule.limit, float) else float(rule.limit[origin[n] + k])
-        yield n, Finding(
-            rule=rule.name, agents=(track.id,), time=round(float(track.times[k]), 3),
-            measured=round(measured, 3), limit=round(limit, 3),
-            detail=f"{track.type} {track.id}: {rule.name} {measured:.2f} {rule.unit} at "
-            f"{track.times[k]:.1f} s; at most {limit:.2f}",
-        )  # fmt: skip
-
-
-def _limit_vehicles(
+def _list_limits(
     tracks: Sequence[Trajectory], exceptions: Sequence[AllowedExceptions], origin: IntArray
 ) -> Iterator[_MotionLimit]:
+    """The limits of one class (SEMANTICS sections 5 and 8): vehicles, riders or pedestrians."""
     speed, acceleration = _concatenate(tracks, "speed"), _concatenate(tracks, "acceleration")
-    braking = [np.full(len(track), VEHICLE_BRAKING) for track in tracks]
-    for limit, track, allowed in zip(braking, tracks, exceptions, strict=True):
+    if not tracks[0].is_vehicle:
+        fastest = [RUNNING_SPEED if each.running else PEDESTRIAN_SPEED for each in exceptions]
+        yield _MotionLimit("speed", speed, np.repeat(fastest, np.diff(origin)), "m/s")
+        change = np.abs(acceleration)
+        yield _MotionLimit("acceleration", change, PEDESTRIAN_ACCELERATION, "m/s^2")
+        yield _limit_steps(tracks, origin)
+        return
+    rides = tracks[0].is_rider
+    fastest = [RIDER_SPEED.get(m.type, VEHICLE_SPEED) for m in tracks]
+    braking = np.full(len(speed), RIDER_BRAKING if rides else VEHICLE_BRAKING)
+    for first, track, allowed in zip(origin, tracks, () if rides else exceptions, strict=False):
         for time in allowed.emergencies:
             near = (track.times >= time - EMERGENCY_SPAN) & (track.times <= time + AFTERMATH)
-            limit[near] = EMERGENCY_BRAKING
+            braking[first : first + len(track)][near] = EMERGENCY_BRAKING
     lateral = _concatenate(tracks, "lateral_acceleration")
-    yield _MotionLimit("speed", speed, VEHICLE_SPEED, "m/s")
-    yield _MotionLimit("acceleration", acceleration, VEHICLE_ACCELERATION, "m/s^2")
-    yield _MotionLimit("braking", -acceleration, np.concatenate(braking), "m/s^2")
+    hardest = RIDER_ACCELERATION if rides else VEHICLE_ACCELERATION
+    yield _MotionLimit("speed", speed, np.repeat(fastest, np.diff(origin)), "m/s")
+    yield _MotionLimit("acceleration", acceleration, hardest, "m/s^2")
+    yield _MotionLimit("braking", -acceleration, braking, "m/s^2")
     yield _MotionLimit("lateral_acceleration", lateral, LATERAL, "m/s^2")
-    yield from _limit_heading(tracks, speed, origin)
-    yield _limit_steps(tracks, origin)
-
-
-def _limit_riders(
-    tracks: Sequence[Trajectory], _exceptions: Sequence[AllowedExceptions], origin: IntArray
-) -> Iterator[_MotionLimit]:
-    """Limits of SEMANTICS section 8 for cyclists and scooter riders, who lean into their turns."""
-    speed, acceleration = _concatenate(tracks, "speed"), _concatenate(tracks, "acceleration")
-    fastest = np.repeat([RIDER_SPEED[m.type] for m in tracks], np.diff(origin))
-    lateral = _concatenate(tracks, "lateral_acceleration")
-    bend = np.where(speed > RIDES_ABOVE, lateral / np.maximum(speed, RIDES_ABOVE) ** 2, 0.0)
-    yield _MotionLimit("speed", speed, fastest, "m/s")
-    yield _MotionLimit("acceleration", acceleration, RIDER_ACCELERATION, "m/s^2")
-    yield _MotionLimit("braking", -acceleration, RIDER_BRAKING, "m/s^2")
-    yield _MotionLimit("lateral_acceleration", lateral, LATERAL, "m/s^2")
-    yield _MotionLimit("curvature", bend, RIDER_CURVATURE, "1/m")
+    if rides:  # they lean into their turns
+        bend = np.where(speed > RIDES_ABOVE, lateral / np.maximum(speed, RIDES_ABOVE) ** 2, 0.0)
+        yield _MotionLimit("curvature", bend, RIDER_CURVATURE, "1/m")
     yield from _limit_heading(tracks, speed, origin)
     yield _limit_steps(tracks, origin)
 
@@ -198,18 +179,6 @@ def _limit_heading(
     yield _MotionLimit("heading_held", held, HELD, "rad turned at standstill")
 
 
-def _limit_pedestrians(
-    tracks: Sequence[Trajectory], exceptions: Sequence[AllowedExceptions], origin: IntArray
-) -> Iterator[_MotionLimit]:
-    fastest = [RUNNING_SPEED if each.running else PEDESTRIAN_SPEED for each in exceptions]
-    change = np.abs(_concatenate(tracks, "acceleration"))
-    yield _MotionLimit(
-        "speed", _concatenate(tracks, "speed"), np.repeat(fastest, np.diff(origin)), "m/s"
-    )
-    yield _MotionLimit("acceleration", change, PEDESTRIAN_ACCELERATION, "m/s^2")
-    yield _limit_steps(tracks, origin)
-
-
 def _concatenate(tracks: Sequence[Trajectory], name: str) -> FloatArray:
     return np.concatenate([getattr(track, name) for track in tracks])
 
@@ -228,29 +197,11 @@ def _limit_steps(tracks: Sequence[Trajectory], origin: IntArray) -> _MotionLimit
 def check_ground(
     tracks: tuple[Trajectory, ...], intersection_map: IntersectionMap, *, jaywalkers: frozenset[int]
 ) -> tuple[Finding, ...]:
-    """Agents with less than 98 % of their positions where their class belongs."""
-    found = []
-    for track, share in zip(
-        tracks, compute_ground_shares(tracks, intersection_map, jaywalkers), strict=True
-    ):
-        if share < ON_ROAD:
-            where = "road" if track.is_vehicle else "walkable area and crosswalks"
-            where = "road, or on footways and crosswalks" if track.is_rider else where
-            found.append(Finding(
-                rule="off_road" if track.is_vehicle else "off_walkable", agents=(track.id,),
-                measured=round(share, 4), limit=ON_ROAD,
-                detail=f"{track.type} {track.id}: {share:.1%} of its positions on the {where}; "
-                f"at least {ON_ROAD:.0%}",
-            ))  # fmt: skip
-    return tuple(found)
+    """Agents with less than 98 % of their positions where their class belongs.
 
-
-def compute_ground_shares(
-    tracks: tuple[Trajectory, ...], intersection_map: IntersectionMap, jaywalkers: frozenset[int]
-) -> list[float]:
-    """Share of each agent's positions where its class belongs: a rider's on road or footways."""
-    ground = get_ground_raster(intersection_map)
-    shares = [0.0] * len(tracks)
+    That is the road, footways and crosswalks, or for riders either, and for jaywalkers any of both.
+    """
+    ground, shares = get_ground_raster(intersection_map), [0.0] * len(tracks)
     for area, chosen in (
         (ground.road, [n for n, m in enumerate(tracks) if m.is_vehicle]),
         (ground.walkable, [n for n, m in enumerate(tracks)
@@ -263,7 +214,18 @@ def compute_ground_shares(
             inside = np.add.reduceat(area.contains(xy), origin[:-1], dtype=np.float64)
             for n, share in zip(chosen, (inside / np.diff(origin)).tolist(), strict=True):
                 shares[n] = max(shares[n], share)
-    return shares
+    found = []
+    for track, share in zip(tracks, shares, strict=True):
+        if share < ON_ROAD:
+            where = "road" if track.is_vehicle else "walkable area and crosswalks"
+            where = "road, or on footways and crosswalks" if track.is_rider else where
+            found.append(Finding(
+                rule="off_road" if track.is_vehicle else "off_walkable", agents=(track.id,),
+                measured=round(share, 4), limit=ON_ROAD,
+                detail=f"{track.type} {track.id}: {share:.1%} of its positions on the {where}; "
+                f"at least {ON_ROAD:.0%}",
+            ))  # fmt: skip
+    return tuple(found)
 
 
 def find_extremes(tracks: tuple[Trajectory, ...]) -> dict[str, Any]:

@@ -65,14 +65,15 @@ def cut_pushed(
     tracks: Sequence[Trajectory], events: Sequence[Event], pushed: Collection[int]
 ) -> tuple[Trajectory, ...]:
     """The tracks, those of pushed agents up to the impact alone, as what follows is no driving."""
-    return tuple(_cut(m, find_strike(m.id, events)) if m.id in pushed else m for m in tracks)
 
+    def cut(track: Trajectory) -> Trajectory:
+        struck = find_strike(track.id, events) if track.id in pushed else None
+        if struck is None:
+            return track
+        count = max(int((struck.time - TIMED - track.start) / STEP) + 1, 1)
+        return replace(track, xy=track.xy[:count], heading=track.heading[:count])
 
-def _cut(track: Trajectory, struck: Event | None) -> Trajectory:
-    if struck is None:
-        return track
-    count = max(int((struck.time - TIMED - track.start) / STEP) + 1, 1)
-    return replace(track, xy=track.xy[:count], heading=track.heading[:count])
+    return tuple(map(cut, tracks))
 
 
 def describe_push(
@@ -87,32 +88,22 @@ def describe_push(
     before, at_impact, after = pushed.at(times)[0]
     if float(np.hypot(*(at_impact - before))) > STOOD:
         return None
-    striker = next(each for each in observed.tracks if each.id == struck.from_)
+    striker = observed.by_id[struck.from_]
     lasts = event.time - struck.time
     moved = float(np.hypot(*(after - at_impact)))
-    low, high = _compute_distances(striker, pushed, struck.time, lasts)
+    # Momentum is conserved: from no restitution and hard braking to some restitution and none.
+    speed = float(np.hypot(*estimate_velocity_before(striker, time=struck.time)))
+    light, heavy = _list_masses(striker), _list_masses(pushed)
+    least = speed * min(light) / (min(light) + max(heavy))
+    most = speed * (1.0 + RESTITUTION) * max(light) / (max(light) + min(heavy))
+    stands = min(max(lasts - TIMED, 0.0), least / BRAKING)
+    low, high = least * stands - BRAKING * stands**2 / 2, most * (lasts + TIMED)
     if not low <= moved <= high:
         return None
     return (
         f"agent {striker.id} pushes agent {pushed.id} {moved:.1f} m on in {lasts:.2f} s; "
         f"{low:.1f} to {high:.1f} m follow from their masses"
     )
-
-
-def _compute_distances(
-    striker: Trajectory, pushed: Trajectory, time: float, lasts: float
-) -> tuple[float, float]:
-    """How far an impact moves a standing agent within some seconds [m], least and most.
-
-    Momentum is conserved: from no restitution and hard braking to some restitution and none.
-    """
-    speed = float(np.hypot(*estimate_velocity_before(striker, time=time)))
-    light, heavy = _list_masses(striker), _list_masses(pushed)
-    least = speed * min(light) / (min(light) + max(heavy))
-    most = speed * (1.0 + RESTITUTION) * max(light) / (max(light) + min(heavy))
-    short, long = max(lasts - TIMED, 0.0), lasts + TIMED
-    stands = min(short, least / BRAKING)
-    return least * stands - BRAKING * stands**2 / 2, most * long
 
 
 def _list_masses(track: Trajectory) -> list[float]:

@@ -44,20 +44,10 @@ HARSH = 3.4
 """A yield with more braking is one of necessity [m/s^2]."""
 
 
-@dataclass(frozen=True)
-class _Threshold:
-    """From what on a change counts as a reaction: of acceleration [m/s^2] and of speed [m/s]."""
-
-    acceleration: float
-    speed: float
-
-
 THRESHOLDS = {
-    "vehicle": _Threshold(0.8, 0.5),
-    "cyclist": _Threshold(0.8, 0.4),
-    "scooter": _Threshold(0.8, 0.4),
-    "pedestrian": _Threshold(0.5, 0.2),
-}
+    "vehicle": (0.8, 0.5), "cyclist": (0.8, 0.4), "scooter": (0.8, 0.4), "pedestrian": (0.5, 0.2),
+}  # fmt: skip
+"""From what on a change counts as a reaction: of acceleration [m/s^2] and of speed [m/s]."""
 ASIDE, ASIDE_ACCELERATION = 0.4, 0.7
 """Offset to a side [m] and lateral acceleration [m/s^2] from which a vehicle swerves."""
 BACK, JUMPS = 0.25, 1.0
@@ -80,7 +70,11 @@ def find_reactions(
     excluded = {each.id for each in scene.agents if each.reaction == "none"}
     rows = []
     for event in events:
-        for agent, other in _list_threatened(event):
+        both = [(event.from_, event.to), (event.to, event.from_)]
+        if event.type == "yielding":  # the yielding agent is threatened, if late or by a red run
+            late = float(event.evidence.get("braking", 0.0)) > HARSH
+            both = both[:1] if late or event.evidence.get("cause_agent") == event.to else []
+        for agent, other in both if event.type != "follow" else ():
             row = _measure(sights.perceive(tracks[agent], tracks[other], event.time), event)
             if agent in pushed and event.from_ == agent:
                 row = {"why_not": "is pushed into it"}
@@ -90,16 +84,6 @@ def find_reactions(
                 {"agent": agent, "of": other, "event": event.type, "time": event.time} | row
             )
     return rows
-
-
-def _list_threatened(event: Event) -> list[tuple[int, int]]:
-    """Pairs of the threatened agent and the other; in a yield the yielding agent is threatened."""
-    both = [(event.from_, event.to), (event.to, event.from_)]
-    if event.type in ("collision", "near_miss"):
-        return both
-    late = event.type == "yielding" and float(event.evidence.get("braking", 0.0)) > HARSH
-    ran = event.type == "yielding" and event.evidence.get("cause_agent") == event.to
-    return both[:1] if late or ran else []
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +136,12 @@ class Sights:
             left_hand=self.left_hand,
         )  # fmt: skip
         near = np.asarray(compute_path_ttc(agent, other, times=times, horizon=NEAR) < NEAR)
-        return Perception(agent, times, near, ~blocked, ~_is_behind(agent, other, times))
+        (xy, heading), (place, _) = agent.at(times), other.at(times)
+        away = place - xy
+        bearing = np.arctan2(away[:, 1], away[:, 0]) - heading
+        behind = np.abs(np.angle(np.exp(1j * bearing))) > BEHIND
+        # Pedestrians look all around.
+        return Perception(agent, times, near, ~blocked, ~(behind & agent.is_vehicle))
 
 
 def _measure(view: Perception, event: Event) -> dict[str, Any]:
@@ -174,25 +163,12 @@ def _measure(view: Perception, event: Event) -> dict[str, Any]:
     found = _find_reaction(agent, float(times[begin]), event)
     if found is not None:
         return known | found
-    return known | {"why_not": _say_why_not(agent, float(times[begin]), lasts, event)}
-
-
-def _say_why_not(agent: Trajectory, begin: float, lasts: float, event: Event) -> str:
-    if agent.speed[agent.index(begin)] <= STANDING:
-        return "stands already"
-    if lasts < LATEST and begin + lasts < event.time - 2 * STEP:
-        return "over before it could react"
-    return "too late" if event.time - begin < LATEST else "none seen"
-
-
-def _is_behind(agent: Trajectory, other: Trajectory, times: FloatArray) -> BoolArray:
-    """[T] whether the other is out of view from the seat; pedestrians look all around."""
-    if not agent.is_vehicle:
-        return np.zeros(len(times), dtype=np.bool_)
-    (xy, heading), (place, _) = agent.at(times), other.at(times)
-    away = place - xy
-    bearing = np.arctan2(away[:, 1], away[:, 0]) - heading
-    return np.asarray(np.abs(np.angle(np.exp(1j * bearing))) > BEHIND)
+    why_not = "too late" if event.time - times[begin] < LATEST else "none seen"
+    if agent.speed[agent.index(float(times[begin]))] <= STANDING:
+        why_not = "stands already"
+    elif lasts < LATEST and times[begin] + lasts < event.time - 2 * STEP:
+        why_not = "over before it could react"
+    return known | {"why_not": why_not}
 
 
 def find_first_lasting(holds: BoolArray) -> int | None:
@@ -212,11 +188,22 @@ def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, A
     window = slice(first + round(SOONEST / STEP), last + 1)
     if not len(agent.acceleration[window]):
         return None
-    found = _find_change(agent, window, _expect(agent, first, window), slows=True)
-    back = _find_way_back(agent, first, window)
-    if found is not None and back is not None:
-        return found | {"how": back}
+    # How it would have braked anyway: as it does, or for the bends of its way.
+    speed, usual = float(agent.speed[first]), min(float(agent.acceleration[first]), 0.0)
+    expected = np.full(len(agent.speed[window]), usual)
+    if agent.is_vehicle and speed > STANDING:
+        free = compute_free_speed_profile(agent, begin=first)
+        along = np.gradient(free.speed**2, free.s) / 2.0 if len(free.s) > 1 else np.zeros(1)
+        expected = np.minimum(usual, np.interp(agent.s[window], free.s, along))
+    found = _find_change(agent, window, expected, slows=True)
     if agent.type == "pedestrian":
+        # Whether it steps or jumps back, against the way that it went at first.
+        ahead = agent.velocity[first] / max(speed, STANDING)
+        went = (agent.xy[first : window.stop] - agent.xy[first]) @ ahead
+        back = float((np.maximum.accumulate(went) - went).max())
+        if found is not None and speed > STANDING and back >= BACK:
+            backwards = -float((agent.velocity[window] @ ahead).min())
+            return found | {"how": "jumps_back" if backwards > JUMPS else "steps_back"}
         usual = max(float(agent.acceleration[first]), 0.0)
         hurry = _find_change(agent, window, usual, slows=False)
         # After running it slows down again, after stopping it walks on: what came first counts.
@@ -225,45 +212,21 @@ def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, A
     return _find_swerve(agent, first, window) or found
 
 
-def _expect(agent: Trajectory, first: int, window: slice) -> FloatArray:
-    """[W] how it would have braked anyway [m/s^2]: as it does, or for the bends of its way."""
-    usual = min(float(agent.acceleration[first]), 0.0)
-    if not agent.is_vehicle or agent.speed[first] <= STANDING:
-        return np.full(len(agent.speed[window]), usual)
-    free = compute_free_speed_profile(agent, begin=first)
-    along = np.gradient(free.speed**2, free.s) / 2.0 if len(free.s) > 1 else np.zeros(1)
-    bends = np.interp(agent.s[window], free.s, along)
-    return np.asarray(np.minimum(usual, bends))
-
-
 def _find_change(
     agent: Trajectory, window: slice, usual: FloatArray | float, *, slows: bool
 ) -> dict[str, Any] | None:
     """Where it brakes, or hurries, by more than is usual [m/s^2] and so that its speed shows it."""
-    limit, sign = THRESHOLDS[agent.type], -1.0 if slows else 1.0
+    (least, least_speed), sign = THRESHOLDS[agent.type], -1.0 if slows else 1.0
     change, speed = sign * agent.acceleration[window], sign * agent.speed
-    beyond = np.flatnonzero(change > sign * usual + limit.acceleration)
+    beyond = np.flatnonzero(change > sign * usual + least)
     if not len(beyond):
         return None
     onset = window.start + int(beyond[0])
     after = speed[onset : window.start + len(change)]
-    if float(after.max() - speed[onset - 2 : onset + 1].min()) < limit.speed:
+    if float(after.max() - speed[onset - 2 : onset + 1].min()) < least_speed:
         return None
     how = "runs" if not slows else "stops" if agent.type == "pedestrian" else "brakes"
     return _build_row(agent, onset, how, float(change[beyond[0] :].max()))
-
-
-def _find_way_back(agent: Trajectory, first: int, window: slice) -> str | None:
-    """Whether a pedestrian steps or jumps back, against the way that it went at first."""
-    speed = float(agent.speed[first])
-    if agent.type != "pedestrian" or speed <= STANDING:
-        return None
-    ahead = agent.velocity[first] / speed
-    went = (agent.xy[first : window.stop] - agent.xy[first]) @ ahead
-    if float((np.maximum.accumulate(went) - went).max()) < BACK:
-        return None
-    backwards = -float((agent.velocity[window] @ ahead).min())
-    return "jumps_back" if backwards > JUMPS else "steps_back"
 
 
 def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any] | None:
@@ -282,11 +245,8 @@ def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any]
 
 
 def _build_row(agent: Trajectory, onset: int, how: str, strength: float) -> dict[str, Any]:
-    return {
-        "reacted_at": round(float(agent.times[onset]), 3),
-        "how": how,
-        "strength": round(strength, 3),
-    }
+    time = round(float(agent.times[onset]), 3)
+    return {"reacted_at": time, "how": how, "strength": round(strength, 3)}
 
 
 def find_false_reactions(
@@ -296,23 +256,11 @@ def find_false_reactions(
     found = []
     for agent in scene.agents:
         own = [row for row in rows if row["agent"] == agent.id]
-        if agent.reaction is not None and describe_reaction(agent.reaction, own) is None:
-            found.append(
-                Finding(
-                    rule="reaction_not_seen", agents=(agent.id,),
-                    detail=f"agent {agent.id} was to react as {agent.reaction}",
-                )
-            )  # fmt: skip
+        if agent.reaction == "none":
+            seen = bool(own) and not any("reacted_at" in row for row in own)
+        else:
+            seen = any(row.get("how") == agent.reaction for row in own)
+        if agent.reaction is not None and not seen:
+            detail = f"agent {agent.id} was to react as {agent.reaction}"
+            found.append(Finding(rule="reaction_not_seen", agents=(agent.id,), detail=detail))
     return tuple(found)
-
-
-def describe_reaction(asked: str, rows: Sequence[Mapping[str, Any]]) -> str | None:
-    """What bears out the way of reacting that was asked for, in words; None if nothing does."""
-    if not rows:
-        return None
-    if asked != "none":
-        seen = [row for row in rows if row.get("how") == asked]
-        words = asked.replace("_", " ")
-        return f"agent {seen[0]['agent']} {words} at {seen[0]['reacted_at']} s" if seen else None
-    reacted = any("reacted_at" in row for row in rows)
-    return None if reacted else f"agent {rows[0]['agent']} does not react"

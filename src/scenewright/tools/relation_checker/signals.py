@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -18,7 +18,7 @@ from scenewright.scene.map import IntersectionMap, SignalProgram
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
-from scenewright.tools.relation_checker.ground_raster import CrosswalkArea, get_ground_raster
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import (
     Trajectory,
@@ -81,16 +81,26 @@ class SignalPlan:
         """Finds the crossings of many movers in one pass, far cheaper than one by one."""
         found: dict[Trajectory, list[tuple[float, str]]] = {track: [] for track in tracks}
         if self._map is not None and self._spans:
-            for track, time, name in self._lines.find_passages([m for m in tracks if m.is_vehicle]):
-                found[track].append((time, name))
+            # When the middle of a vehicle's front bumper passes a line, towards the junction.
+            drivers = [m for m in tracks if m.is_vehicle]
+            xy, heading, origin = concatenate_samples(drivers)
+            half = np.repeat([m.half_length for m in drivers], np.diff(origin))
+            front = np.stack((xy[:, 0] + half * np.cos(heading), xy[:, 1] + half * np.sin(heading)))
+            names, *lines = self._lines
+            for line, m, i, part in _find_passages(front, origin, *lines) if drivers else ():
+                time = float(drivers[m].times[i]) + STEP * part
+                found[drivers[m]].append((time, names[line]))
             walkers = [m for m in tracks if m.is_rider or not m.is_vehicle]
+            # Pedestrians and riders that enter a crosswalk and go at least 2 m across. Who begins
+            # inside steps into it then: on red it cannot be known to have come on green.
             for walk in get_ground_raster(self._map).crosswalks if walkers else ():
-                if walk.crosswalk.id in self._spans:
-                    for track in walkers:
-                        found[track] += [
-                            (time, walk.crosswalk.id)
-                            for time in _find_crosswalk_entries(track, walk)
-                        ]
+                low_x, low_y, high_x, high_y = walk.bounds
+                for track in walkers if walk.crosswalk.id in self._spans else ():
+                    west, south, east, north = track.bounds
+                    if west <= high_x and south <= high_y and east >= low_x and north >= low_y:
+                        inside = geos.contains_xy(walk.area, track.xy[:, 0], track.xy[:, 1])
+                        entries = track.times[_find_entries(inside, track.xy, walk.across)]
+                        found[track] += [(float(time), walk.crosswalk.id) for time in entries]
         for track, met in found.items():
             self._met[track] = tuple(
                 LightCrossing(time, name, self.get_colour(name, time=time))
@@ -98,7 +108,10 @@ class SignalPlan:
             )
 
     @cached_property
-    def _lines(self) -> _StopLines:
+    def _lines(
+        self,
+    ) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Ids of the stop lines, and what `_find_passages` asks of them."""
         lines = [e for e in (self._map.stop_lines if self._map else ()) if e.id in self._spans]
         bearing = {leg.name: leg.bearing for leg in (self._map.legs if self._map else ())}
         ends = np.array([line.line for line in lines]).reshape(-1, 2, 2)
@@ -107,11 +120,9 @@ class SignalPlan:
         outward = np.array([bearing.get(line.leg, np.nan) for line in lines], dtype=np.float64)
         left = np.sign(way[:, 0] * np.sin(outward) - way[:, 1] * np.cos(outward))
         left_hand = self._map is not None and self._map.left_hand_traffic
-        return _StopLines(
-            ids=tuple(line.id for line in lines), start=ends[:, 0], length=length,
-            along=way / np.maximum(length, 1e-9)[:, None], outward=outward,
-            left=np.nan_to_num(-left if left_hand else left),
-        )  # fmt: skip
+        along = way / np.maximum(length, 1e-9)[:, None]
+        left = np.nan_to_num(-left if left_hand else left)
+        return tuple(line.id for line in lines), ends[:, 0], along, length, left, outward
 
     def find_red_crossings(self, track: Trajectory) -> tuple[LightCrossing, ...]:
         """Crossings on red."""
@@ -168,39 +179,6 @@ class SignalPlan:
         return [(e.start, e.end) for e in self._spans.get(light, ()) if e.colour == "green"]
 
 
-@dataclass(frozen=True, eq=False)
-class _StopLines:
-    """Stop lines that are asked about together.
-
-    Attributes:
-        ids: L of them; start: [L, 2] one end [m]; along: [L, 2] unit vector to the other end.
-        length: [L] [m]; outward: [L] bearing of each leg [rad], NaN if the map lacks the leg.
-        left: [L] 1 where the other half of the road lies past the end, -1 before the start, 0 if
-            unknown; it is as wide as the line is long.
-    """
-
-    ids: tuple[str, ...]
-    start: FloatArray
-    along: FloatArray
-    length: FloatArray
-    outward: FloatArray
-    left: FloatArray
-
-    def find_passages(
-        self, tracks: Sequence[Trajectory]
-    ) -> Iterator[tuple[Trajectory, float, str]]:
-        """When the middle of whose front bumper passes which line, towards the junction."""
-        if not tracks:
-            return
-        xy, heading, origin = concatenate_samples(tracks)
-        half = np.repeat([m.half_length for m in tracks], np.diff(origin))
-        front = np.stack((xy[:, 0] + half * np.cos(heading), xy[:, 1] + half * np.sin(heading)))
-        for line, m, i, part in _find_passages(
-            front, origin, self.start, self.along, self.length, self.left, self.outward
-        ):
-            yield tracks[m], float(tracks[m].times[i]) + STEP * part, self.ids[line]
-
-
 @compiled
 def _find_passages(
     front: FloatArray,
@@ -214,8 +192,11 @@ def _find_passages(
     """Line, mover, its sample before and the part of the step at which it passes.
 
     Args:
-        front: [2, S] middles of the front bumpers [m]; origin: where each mover's begin; the rest:
-            see `_StopLines`.
+        front: [2, S] middles of the front bumpers [m]; origin: where each mover's begin.
+        start: [L, 2] one end of each line [m]; along: [L, 2] unit vector to the other end.
+        length: [L] [m]; left: [L] 1 where the other half of the road, as wide as the line is long,
+            lies past the end, -1 before the start, 0 if unknown.
+        outward: [L] bearing of each leg [rad], NaN if the map lacks the leg.
     """
     found = [(0, 0, 0, 0.0) for _ in range(0)]
     for line in range(len(start)):
@@ -256,12 +237,23 @@ def check_signal_plan(
     if not records:
         detail = "the map has signals, but the scene has no signal plan"
         return (Finding(rule="no_signal_plan", agents=(), detail=detail),)
-    owners = _group_lights(intersection_map)
-    reason = _find_malformed(records, owners) or _find_uncovered(records, owners, until)
+    owners: dict[str, set[str]] = {}  # signal groups of every stop line and crosswalk
+    for group in intersection_map.signals.groups:
+        lines = (m.stop_line for m in intersection_map.movements if m.id in group.movements)
+        for light in (*lines, *group.crosswalks):
+            owners.setdefault(light, set()).add(group.id)
+    reason = _find_bad_record(records, owners, until)
     if reason is None:
-        shown = _list_shown_colours(
-            records, {k: next(iter(v)) for k, v in owners.items() if len(v) == 1}
-        )
+        # Group, time and colour in the middle, and near both ends, of every stretch of the plan.
+        groups = {light: next(iter(of)) for light, of in owners.items() if len(of) == 1}
+        shown = {
+            (groups[light], round(time, 4), each.colour)
+            for each in records
+            for light in (each.stop_line, each.crosswalk)
+            if light in groups and light is not None
+            for within in (min(0.2, (each.end - each.start) / 2),)
+            for time in (each.start + within, (each.start + each.end) / 2, each.end - within)
+        }
         offsets = _list_offsets(records, intersection_map.signals)
         fits = any(_fits(shown, intersection_map.signals, k) for k in offsets)
         reason = None if fits else "is the programme of the map at no offset"
@@ -270,8 +262,14 @@ def check_signal_plan(
     return (Finding(rule="signal_plan", agents=(), detail=f"the signal plan {reason}"),)
 
 
-def _find_malformed(records: Sequence[SignalRecord], owners: Mapping[str, set[str]]) -> str | None:
-    """What is wrong with a record in itself."""
+def _find_bad_record(
+    records: Sequence[SignalRecord], owners: Mapping[str, set[str]], until: float
+) -> str | None:
+    """A record that is wrong in itself, or a light whose records leave a gap or overlap.
+
+    They must reach from 0 to the end of the scene. Of a light of several groups, each of which may
+    show its own colour, only gaps are reported.
+    """
     for record in records:
         names = [n for n in (record.stop_line, record.crosswalk) if n is not None]
         if len(names) != 1:
@@ -280,16 +278,6 @@ def _find_malformed(records: Sequence[SignalRecord], owners: Mapping[str, set[st
             return f"names the light {names[0]}, which the programme of the map lacks"
         if not (isfinite(record.start) and isfinite(record.end) and record.start < record.end):
             return f"has a record of {names[0]} that ends before it begins, or at no time"
-    return None
-
-
-def _find_uncovered(
-    records: Sequence[SignalRecord], owners: Mapping[str, set[str]], until: float
-) -> str | None:
-    """A light whose records leave a gap between 0 and the end of the scene, or overlap.
-
-    Of a light of several groups, each of which may show its own colour, only gaps are reported.
-    """
     spans: dict[str, list[tuple[float, float]]] = {name: [] for name in owners}
     for record in records:
         spans[record.stop_line or record.crosswalk or ""].append((record.start, record.end))
@@ -315,30 +303,6 @@ def _list_offsets(records: Sequence[SignalRecord], program: SignalProgram) -> li
     return [float(end - change) for end in ends]
 
 
-def _group_lights(intersection_map: IntersectionMap) -> dict[str, set[str]]:
-    """Signal groups of every stop line and crosswalk of the programme."""
-    owners: dict[str, set[str]] = {}
-    for group in intersection_map.signals.groups if intersection_map.signals else ():
-        lines = (m.stop_line for m in intersection_map.movements if m.id in group.movements)
-        for light in (*lines, *group.crosswalks):
-            owners.setdefault(light, set()).add(group.id)
-    return owners
-
-
-def _list_shown_colours(
-    records: Sequence[SignalRecord], groups: Mapping[str, str]
-) -> set[tuple[str, float, Colour]]:
-    """Group, time and colour in the middle, and near both ends, of every stretch of the plan."""
-    return {
-        (groups[light], round(time, 4), r.colour)
-        for r in records
-        for light in (r.stop_line, r.crosswalk)
-        if light in groups and light is not None
-        for within in (min(0.2, (r.end - r.start) / 2),)
-        for time in (r.start + within, (r.start + r.end) / 2, r.end - within)
-    }
-
-
 def _fits(shown: set[tuple[str, float, Colour]], program: SignalProgram, offset: float) -> bool:
     ends = list(accumulate(phase.duration for phase in program.phases))
     for group, time, colour in shown:
@@ -346,18 +310,6 @@ def _fits(shown: set[tuple[str, float, Colour]], program: SignalProgram, offset:
         if program.phases[min(k, len(ends) - 1)].colours.get(group, colour) != colour:
             return False
     return True
-
-
-def _find_crosswalk_entries(track: Trajectory, area: CrosswalkArea) -> list[float]:
-    """Times at which a pedestrian or rider enters the crosswalk and goes at least 2 m across.
-
-    Who begins inside steps into it then: on red it cannot be known to have come on green.
-    """
-    (west, south, east, north), box = track.bounds, area.bounds
-    if west > box[2] or south > box[3] or east < box[0] or north < box[1]:
-        return []
-    inside = geos.contains_xy(area.area, track.xy[:, 0], track.xy[:, 1])
-    return [float(track.times[k]) for k in _find_entries(inside, track.xy, area.across)]
 
 
 @compiled

@@ -32,7 +32,13 @@ def compute_path_ttc(
         [n] seconds; inf where there is no contact within the horizon; 0 in contact.
     """
     ahead = np.arange(0.0, horizon + RESOLUTION, RESOLUTION)
-    states = (_extrapolate_along_path(track, times, ahead) for track in (first, second))
+    states: list[State] = []
+    for track in (first, second):
+        k = track.find_indices(times)
+        xy, heading = sample_path(track.path, track.s[k][:, None] + track.speed[k][:, None] * ahead)
+        still = track.speed[k] < 0.1
+        heading[still] = track.heading[k[still], None]
+        states.append((xy, heading))
     return _find_first_touch(first, second, *states)
 
 
@@ -41,7 +47,12 @@ def compute_ttc_2d(
 ) -> FloatArray:
     """Time to contact if both keep their present velocity vectors and headings [s]; inf if none."""
     ahead = np.arange(0.0, horizon + RESOLUTION, RESOLUTION)
-    states = (_extrapolate_straight(track, times, ahead) for track in (first, second))
+    states: list[State] = []
+    for track in (first, second):
+        xy, heading = track.at(times)
+        velocity = track.velocity[track.find_indices(times)]
+        moved = xy[:, None] + ahead[:, None] * velocity[:, None]
+        states.append((moved, np.repeat(heading[:, None], len(ahead), axis=1)))
     return _find_first_touch(first, second, *states)
 
 
@@ -66,21 +77,6 @@ State = tuple[FloatArray, FloatArray]
 """Positions [n, m, 2] and headings [n, m] of one agent, at n times and m times ahead of each."""
 Sample = tuple[float, float, float]
 """x, y [m] and heading [rad]."""
-
-
-def _extrapolate_straight(track: Trajectory, times: FloatArray, ahead: FloatArray) -> State:
-    xy, heading = track.at(times)
-    moved = xy[:, None] + ahead[:, None] * track.velocity[track.find_indices(times)][:, None]
-    return moved, np.repeat(heading[:, None], len(ahead), axis=1)
-
-
-def _extrapolate_along_path(track: Trajectory, times: FloatArray, ahead: FloatArray) -> State:
-    k = track.find_indices(times)
-    s = track.s[k][:, None] + track.speed[k][:, None] * ahead
-    xy, heading = sample_path(track.path, s)
-    still = track.speed[k] < 0.1
-    heading[still] = track.heading[k[still], None]
-    return xy, heading
 
 
 def _find_first_touch(first: Trajectory, second: Trajectory, one: State, two: State) -> FloatArray:

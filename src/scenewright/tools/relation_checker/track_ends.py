@@ -91,8 +91,12 @@ def _find_fault(
     """
     place, time = track.xy[k], float(track.times[k])
     walks = track.type == "pedestrian"
-    if not walks and _is_at_edge(place, intersection_map):
-        return None
+    if not walks:  # ways of vehicles begin or end there, or it is in a goal region of theirs
+        ways = (each.centreline for each in intersection_map.movements)
+        at_end = any(math.dist(place, end) <= EDGE for way in ways for end in (way[0], way[-1]))
+        at_edge = float(np.abs(place).max()) >= intersection_map.extent - EDGE
+        if at_edge or at_end or _is_at_goal("vehicle", place, intersection_map):
+            return None
     on_road = bool(get_ground_raster(intersection_map).road.contains(place[None])[0])
     on_foot = (walks or track.is_rider) and not on_road
     if on_foot and _is_at_goal("pedestrian", place, intersection_map):
@@ -104,16 +108,6 @@ def _find_fault(
          if abs(each.time - time) < LEAD and math.dist(place, each.location) < IN_VIEW),
         None,
     )  # fmt: skip
-
-
-def _is_at_edge(place: FloatArray, intersection_map: IntersectionMap) -> bool:
-    """Whether a place is where ways of vehicles begin or end, or in a goal region of theirs."""
-    ways = (each.centreline for each in intersection_map.movements)
-    return (
-        float(np.abs(place).max()) >= intersection_map.extent - EDGE
-        or any(math.dist(place, end) <= EDGE for way in ways for end in (way[0], way[-1]))
-        or _is_at_goal("vehicle", place, intersection_map)
-    )
 
 
 def _is_at_goal(kind: AgentClass, place: FloatArray, intersection_map: IntersectionMap) -> bool:

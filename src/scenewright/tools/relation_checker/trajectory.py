@@ -246,23 +246,19 @@ def derive_all(tracks: Sequence[Trajectory]) -> None:
         return
     xy, heading, origin = concatenate_samples(tracks)
     s, bounds = _compute_arc_lengths(xy, origin)
-    _check_lengths(tracks, s[origin[1:] - 1])
-    paths = build_paths(xy, s, heading, origin)
-    ends = pairwise(origin.tolist())
-    kinematics, boxes, ways = _compute_derivatives(xy, origin), bounds.tolist(), build_lanes(paths)
-    for track, (a, b), *derived in zip(tracks, ends, kinematics, boxes, paths, ways, strict=True):
-        for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
-            object.__setattr__(track, name, value)
-
-
-def _check_lengths(tracks: Sequence[Trajectory], lengths: FloatArray) -> None:
-    """Refuses tracks [N] whose lengths [m] come from positions that are no metres."""
+    lengths = s[origin[1:] - 1]
     if lengths.sum() > LONGEST:
         worst = int(lengths.argmax())
         raise InputError(
             f"agent {tracks[worst].id}: its track is {lengths[worst] / 1000:.4g} km long; tracks "
             f"may be {LONGEST / 1000:g} km together, and positions are metres"
         )
+    paths = build_paths(xy, s, heading, origin)
+    ends = pairwise(origin.tolist())
+    kinematics, boxes, ways = _compute_derivatives(xy, origin), bounds.tolist(), build_lanes(paths)
+    for track, (a, b), *derived in zip(tracks, ends, kinematics, boxes, paths, ways, strict=True):
+        for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
+            object.__setattr__(track, name, value)
 
 
 _DERIVED = ("s", "kinematics", "bounds", "path", "lane")
@@ -366,61 +362,29 @@ def build_trajectory(user: RoadUser, *, offset: float = 0.0) -> Trajectory:
     ones by cubic Hermite splines through the samples. Ends that lie between two times of the grid
     are continued straight on to the next of them, so that nothing of a track is lost.
     """
-    track, heading = user.track, unwrap_angles(user.track.heading)
-    first = round((track.start - offset) / STEP)
-    if abs(track.step - STEP) < 1e-9 and abs(track.start - offset - first * STEP) < ON_GRID:
-        return _assemble_trajectory(user, offset + first * STEP, track.xy, heading)
-    first = math.floor((track.start - offset + ON_GRID) / STEP)
-    last = math.ceil((track.end - offset - ON_GRID) / STEP)
-    times = offset + STEP * np.arange(first, max(last, first) + 1)
-    wanted = (times - track.start) / track.step
-    position = np.minimum(np.maximum(wanted, 0.0), len(heading) - 1.0)
-    xy = (
-        _interpolate_hermite(track.xy, position)
-        if track.step > STEP
-        else _interpolate_linearly(track.xy, position)
-    )
-    if len(heading) > 1:
-        for k, edge in ((0, slice(0, 2)), (-1, slice(-2, None))):
-            beyond = (wanted[k] - position[k]) * np.diff(track.xy[edge], axis=0)[0]
-            xy[k] += beyond
-    turned = np.interp(position, np.arange(len(heading)), heading)
-    return _assemble_trajectory(user, offset + first * STEP, xy, turned)
-
-
-def find_grid_offset(users: Sequence[RoadUser]) -> float:
-    """Where between two multiples of 0.1 s most tracks of that step have their samples [s].
-
-    So tracks that all begin at, say, 0.037 s are taken as they are, not interpolated.
-    """
-    found = Counter(
-        round(u.track.start % STEP, 4) % STEP for u in users if abs(u.track.step - STEP) < 1e-9
-    )
-    return max(found, key=lambda each: (found[each], -each), default=0.0)
-
-
-def _assemble_trajectory(
-    user: RoadUser, start: float, xy: FloatArray, heading: FloatArray
-) -> Trajectory:
-    shape = user.shape
+    track, shape, heading = user.track, user.shape, unwrap_angles(user.track.heading)
+    first, xy = round((track.start - offset) / STEP), track.xy
+    even = abs(track.step - STEP) < 1e-9 and abs(track.start - offset - first * STEP) < ON_GRID
+    if not even:
+        first = math.floor((track.start - offset + ON_GRID) / STEP)
+        last = math.ceil((track.end - offset - ON_GRID) / STEP)
+        times, grid = offset + STEP * np.arange(first, max(last, first) + 1), np.arange(len(xy))
+        wanted = (times - track.start) / track.step
+        position = np.minimum(np.maximum(wanted, 0.0), len(heading) - 1.0)
+        if track.step > STEP and len(xy) > 2:
+            slope, low = np.gradient(xy, axis=0), np.minimum(position.astype(np.intp), len(xy) - 2)
+            u = (position - low)[:, None]
+            xy = np.asarray(
+                (1 + 2 * u) * (1 - u) ** 2 * xy[low] + u * (1 - u) ** 2 * slope[low]
+                + u**2 * (3 - 2 * u) * xy[low + 1] + u**2 * (u - 1) * slope[low + 1]
+            )  # fmt: skip
+        else:
+            xy = np.stack([np.interp(position, grid, xy[:, k]) for k in (0, 1)], axis=1)
+        for k, edge in ((0, slice(0, 2)), (-1, slice(-2, None))) if len(heading) > 1 else ():
+            xy[k] += (wanted[k] - position[k]) * np.diff(track.xy[edge], axis=0)[0]
+        heading = np.interp(position, grid, heading)
+    start = offset + first * STEP
     return Trajectory(user.id, shape.type, shape.length, shape.width, start, xy, heading)
-
-
-def _interpolate_linearly(xy: FloatArray, position: FloatArray) -> FloatArray:
-    grid = np.arange(len(xy))
-    return np.stack([np.interp(position, grid, xy[:, k]) for k in (0, 1)], axis=1)
-
-
-def _interpolate_hermite(xy: FloatArray, position: FloatArray) -> FloatArray:
-    if len(xy) < 3:
-        return _interpolate_linearly(xy, position)
-    slope = np.gradient(xy, axis=0)
-    low = np.minimum(position.astype(np.intp), len(xy) - 2)
-    u = (position - low)[:, None]
-    return np.asarray(
-        (1 + 2 * u) * (1 - u) ** 2 * xy[low] + u * (1 - u) ** 2 * slope[low]
-        + u**2 * (3 - 2 * u) * xy[low + 1] + u**2 * (u - 1) * slope[low + 1]
-    )  # fmt: skip
 
 
 def build_trajectories(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Trajectory, ...]:
@@ -443,7 +407,11 @@ def build_trajectories(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Tr
             raise InputError(
                 f"agent {user.id}: size {user.shape.length} x {user.shape.width} m is not usable"
             )
-    offset = find_grid_offset(users)
+    # Where between two multiples of 0.1 s most tracks of that step have their samples [s]: so
+    # tracks that all begin at, say, 0.037 s are taken as they are, not interpolated.
+    even = (u.track.start for u in users if abs(u.track.step - STEP) < 1e-9)
+    found = Counter(round(start % STEP, 4) % STEP for start in even)
+    offset = max(found, key=lambda each: (found[each], -each), default=0.0)
     tracks = tuple(build_trajectory(user, offset=offset) for user in users)
     derive_all(tracks)
     return tracks

@@ -26,7 +26,7 @@ from scenewright.tools.relation_checker.certificate import (
     is_incidental,
 )
 from scenewright.tools.relation_checker.collisions import is_impact_at
-from scenewright.tools.relation_checker.conditions import find_unmet_condition
+from scenewright.tools.relation_checker.conditions import find_unmet_condition, list_passing_orders
 from scenewright.tools.relation_checker.events import SceneObservation, observe
 from scenewright.tools.relation_checker.external_events import MOST_PAIR_SAMPLES, count_pair_samples
 from scenewright.tools.relation_checker.groups import (
@@ -36,13 +36,14 @@ from scenewright.tools.relation_checker.groups import (
     list_groups,
 )
 from scenewright.tools.relation_checker.labels import (
+    RUNNERS,
     find_false_journeys,
     find_false_labels,
+    find_false_metadata,
 )
 from scenewright.tools.relation_checker.legs import check_ties
 from scenewright.tools.relation_checker.liveness import check_liveness
 from scenewright.tools.relation_checker.measured import MeasuredFigures
-from scenewright.tools.relation_checker.metadata import RUNNERS, find_false_metadata
 from scenewright.tools.relation_checker.motions import check_motions
 from scenewright.tools.relation_checker.objects import (
     check_contacts,
@@ -51,7 +52,6 @@ from scenewright.tools.relation_checker.objects import (
     read_objects,
 )
 from scenewright.tools.relation_checker.obstacles import check_encounters, list_asked_hits
-from scenewright.tools.relation_checker.passing_order import list_passing_orders
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
     check_form,
@@ -59,11 +59,7 @@ from scenewright.tools.relation_checker.plausibility import (
     check_motion_limits,
     find_extremes,
 )
-from scenewright.tools.relation_checker.pushes import (
-    cut_pushed,
-    list_chained,
-    list_pushed,
-)
+from scenewright.tools.relation_checker.pushes import cut_pushed, list_chained, list_pushed
 from scenewright.tools.relation_checker.reactions import (
     Sights,
     find_false_reactions,
@@ -159,11 +155,12 @@ def _build_proof(
     lit = bool(intersection_map and scene.signals)
     asked = MeasuredFigures(observed.events, observed, intersection_map)
     short, measures = asked.find_shortfalls(scene.measures)
+    red, never = _check_lights(scene, observed, intersection_map, roles)
     journeys: tuple[Finding, ...] = ()
     ties: tuple[Finding, ...] = ()
     if intersection_map is not None:
         journeys = find_false_journeys(scene, observed.tracks, intersection_map)
-        ties = check_ties(scene.ties, {m.id: m for m in observed.tracks}, intersection_map)
+        ties = check_ties(scene.ties, observed.by_id, intersection_map)
     missing = (
         *missing,
         *unhidden,
@@ -174,7 +171,7 @@ def _build_proof(
         *find_false_behavior(scene, observed.tracks, events, intersection_map),
         *journeys,
         *ties,
-        *_check_asked_red_runs(scene, observed, intersection_map, roles),
+        *never,
         *check_motions(scene.agents, observed, intersection_map),
         *check_groups(scene.agents, observed),
         *find_false_reactions(scene, reactions),
@@ -189,20 +186,19 @@ def _build_proof(
         *check_places(scene.objects, intersection_map),
         *_check_motion(scene, observed, intersection_map, roles, matching),
     )
-    red = _check_red_crossings(scene, observed, intersection_map, roles)
-    late = list_late_beginnings(observed.tracks, matching) if rules else []
+
+    figures = {
+        "first_visible": sights, "encounters": encounters, "measures": measures,
+        "reactions": reactions, "avoidability": avoidability,
+        "late_beginnings": list_late_beginnings(observed.tracks, matching) if rules else [],
+    }  # fmt: skip
     return Proof(
         verified=not (missing or unasked or motion or red),
         events=events,
         incidental=tuple(observed.events[k] for k in incidental),
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
         figures=_collect_figures(scene, observed, intersection_map, roles.foreground)
-        | ({"first_visible": sights} if sights else {})
-        | ({"encounters": encounters} if encounters else {})
-        | ({"measures": measures} if measures else {})
-        | ({"reactions": reactions} if reactions else {})
-        | ({"avoidability": avoidability} if avoidability else {})
-        | ({"late_beginnings": late} if late else {}),
+        | {name: rows for name, rows in figures.items() if rows},
     )  # fmt: skip
 
 
@@ -288,8 +284,13 @@ def _match_events(
     missing: list[Finding] = []
     for relation in relations:
         failures: list[str] = []
+        orders = {(relation.from_, relation.to)}
+        directed = has_trait("collision", relation.kind, "directed")
+        if relation.type in ("collision", "near_miss") and not directed:
+            orders.add((relation.to, relation.from_))
         for k, event in enumerate(events):
-            if k in used or not _has_same_roles(relation, event):
+            named = relation.type == event.type and (event.from_, event.to) in orders
+            if k in used or not named:
                 continue
             reason = _find_shortfall(relation, event) or find_unmet_condition(
                 relation, event, observed, intersection_map
@@ -312,21 +313,19 @@ def _match_events(
     return frozenset(used), tuple(missing)
 
 
-def _has_same_roles(relation: RelationRecord, event: Event) -> bool:
-    asked, found = (relation.from_, relation.to), (event.from_, event.to)
-    symmetric = relation.type in ("collision", "near_miss") and not has_trait(
-        "collision", relation.kind, "directed"
-    )
-    return relation.type == event.type and (asked == found or (symmetric and asked == found[::-1]))
-
-
 def _find_shortfall(relation: RelationRecord, event: Event) -> str | None:
     """Why an event of the right type and roles is not the one asked for."""
     if relation.kind is not None and event.kind != relation.kind:
         return f"kind {event.kind} observed, {relation.kind} asked for"
-    uncaused = _find_wrong_cause(relation, event)
-    if uncaused is not None:
-        return uncaused
+    # Late braking may come on top of a red light run.
+    culprits = {event.cause: event.evidence.get("cause_agent")}
+    if "late_brake" in event.evidence:
+        culprits["late_brake"] = event.evidence["late_brake"]
+    if relation.cause is not None and relation.cause not in culprits:
+        return f"cause {event.cause or 'none'} observed, {relation.cause} asked for"
+    culprit = culprits.get(relation.cause)
+    if relation.cause_agent is not None and culprit != relation.cause_agent:
+        return f"{relation.cause} by {culprit} observed, by {relation.cause_agent} asked for"
     pet, ttc = event.evidence.get("pet"), event.evidence.get("path_ttc")
     # Of the striking vehicle; of the relation's `from` where both are vehicles.
     striker = event.kind == "pedestrian_strike" or relation.from_ == event.from_
@@ -339,31 +338,13 @@ def _find_shortfall(relation: RelationRecord, event: Event) -> str | None:
         if target is not None and (value is None or abs(value - target) > tolerance + 1e-6):
             found = "none" if value is None else f"{value:.2f}"
             return f"{name} {found} observed, {target:.2f} +/- {tolerance} asked for"
-    return _find_wrong_impact_point(relation, event)
-
-
-def _find_wrong_cause(relation: RelationRecord, event: Event) -> str | None:
-    """Why the cause asked for is not seen; late braking may come on top of a red light run."""
-    culprits = {event.cause: event.evidence.get("cause_agent")}
-    if "late_brake" in event.evidence:
-        culprits["late_brake"] = event.evidence["late_brake"]
-    if relation.cause is not None and relation.cause not in culprits:
-        return f"cause {event.cause or 'none'} observed, {relation.cause} asked for"
-    culprit = culprits.get(relation.cause)
-    if relation.cause_agent is not None and culprit != relation.cause_agent:
-        return f"{relation.cause} by {culprit} observed, by {relation.cause_agent} asked for"
-    return None
-
-
-def _find_wrong_impact_point(relation: RelationRecord, event: Event) -> str | None:
-    """Where a vehicle was struck, if that is not where it was to be."""
     points = [event.evidence.get("point_from"), event.evidence.get("point_to")]
     if relation.from_ != event.from_:
         points.reverse()
     sides = (relation.from_, relation.point_from), (relation.to, relation.point_to)
-    for (agent, asked), found in zip(sides, points, strict=True):
-        if asked is not None and not is_impact_at(asked, found):
-            return f"impact at {found or 'no point'} of {agent} observed, {asked} asked for"
+    for (agent, asked), point in zip(sides, points, strict=True):
+        if asked is not None and not is_impact_at(asked, point):
+            return f"impact at {point or 'no point'} of {agent} observed, {asked} asked for"
     return None
 
 
@@ -414,48 +395,32 @@ def _jaywalks(agent: AgentRecord, roles: AgentRoles) -> bool:
     return agent.movement == "jaywalking" and agent.id in roles.foreground
 
 
-def _check_red_crossings(
+def _check_lights(
     scene: SceneRecord,
     observed: SceneObservation,
     intersection_map: IntersectionMap | None,
     roles: AgentRoles,
-) -> tuple[Finding, ...]:
+) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
+    """A wrong signal plan and unasked runs of red lights; and agents that run none though asked."""
     if intersection_map is None:
-        return ()
-    plan = check_signal_plan(scene.signals, intersection_map, until=scene.meta.duration)
-    if not scene.signals:
-        return plan
-    return plan + tuple(
-        Finding(
-            rule="red_crossing", agents=(agent.id,), time=round(crossing.time, 3),
-            detail=f"{agent.type} {agent.id} passes {crossing.light} on red at "
-            f"{crossing.time:.1f} s",
-        )
-        for agent, track in zip(scene.agents, observed.tracks, strict=True)
-        if not (agent.violates_signal and agent.id in roles.foreground)
-        and not _jaywalks(agent, roles)
-        for crossing in observed.lights.find_red_crossings(track)
-    )  # fmt: skip
-
-
-def _check_asked_red_runs(
-    scene: SceneRecord,
-    observed: SceneObservation,
-    intersection_map: IntersectionMap | None,
-    roles: AgentRoles,
-) -> tuple[Finding, ...]:
-    """Agents that were to run a red light and never do."""
-    if intersection_map is None or not scene.signals:
-        return ()
-    return tuple(
-        Finding(
-            rule="red_light_not_run", agents=(agent.id,),
-            detail=f"{agent.type} {agent.id} was to run a red light and never does",
-        )
-        for agent, track in zip(scene.agents, observed.tracks, strict=True)
-        if agent.violates_signal and agent.id in roles.foreground
-        and not observed.lights.find_red_crossings(track)
-    )  # fmt: skip
+        return (), ()
+    wrong = [*check_signal_plan(scene.signals, intersection_map, until=scene.meta.duration)]
+    never = []
+    for agent, track in zip(scene.agents, observed.tracks, strict=True) if scene.signals else ():
+        runs = observed.lights.find_red_crossings(track)
+        asked, named = agent.violates_signal and agent.id in roles.foreground, (agent.id,)
+        if asked and not runs:
+            detail = f"{agent.type} {agent.id} was to run a red light and never does"
+            never.append(Finding(rule="red_light_not_run", agents=named, detail=detail))
+        wrong += [
+            Finding(
+                rule="red_crossing", agents=named, time=round(crossing.time, 3),
+                detail=f"{agent.type} {agent.id} passes {crossing.light} on red at "
+                f"{crossing.time:.1f} s",
+            )
+            for crossing in (() if asked or _jaywalks(agent, roles) else runs)
+        ]  # fmt: skip
+    return tuple(wrong), tuple(never)
 
 
 def _collect_figures(

@@ -71,23 +71,6 @@ class YieldEvent:
     arrival: float
 
 
-@dataclass(frozen=True)
-class YieldContext:
-    """What else could hold an agent, asked only when it matters.
-
-    Attributes:
-        red: whether a red or yellow light holds it in a span of time.
-        leader: whether another agent ahead in its lane holds it at a time.
-        excused: whether another agent bound by a relation holds it, or a collision ended its track.
-        on_crosswalk: whether the other is on the crosswalk of the zone at a time.
-    """
-
-    red: Callable[[float, float], bool]
-    leader: Callable[[float], bool]
-    excused: Callable[[float], bool]
-    on_crosswalk: Callable[[float], bool]
-
-
 def find_slowing_start(speed: FloatArray, lowest: int, *, ripple: float) -> int:
     """Sample at which the slowing that ends at `lowest` begins.
 
@@ -135,21 +118,14 @@ def compute_free_speed_profile(track: Trajectory, *, begin: int) -> FreeSpeedPro
     bend = np.abs(np.concatenate((curvature[~keep][-1:], curvature[keep])))
     approach = compute_approach_speed(track, begin=begin)
     cap = np.minimum(approach**2, CURVE_COMFORT / np.maximum(bend, 1e-6))
-    square = _limit_acceleration(cap, np.diff(s), float(track.speed[begin]) ** 2)
+    # Squares of speed change by at most 2 * 2 m/s^2 per metre: running minima of w -/+ 4 s.
+    climb = np.concatenate(([0.0], np.cumsum(2 * COMFORT * np.diff(s))))
+    backward = np.minimum.accumulate((cap + climb)[::-1])[::-1] - climb
+    backward[0] = min(backward[0], float(track.speed[begin]) ** 2)
+    square = np.minimum.accumulate(backward - climb) + climb
     speed = np.sqrt(np.maximum(square, 0.01))
     time = np.concatenate(([0.0], np.cumsum(2 * np.diff(s) / (speed[1:] + speed[:-1]))))
     return FreeSpeedProfile(s, speed, track.times[begin] + time)
-
-
-def _limit_acceleration(cap: FloatArray, steps: FloatArray, start: float) -> FloatArray:
-    """Squares of speed under `cap` that change by at most 2 * 2 m/s^2 per metre.
-
-    Both passes are running minima in the variables w -/+ 4 s, so no loop is needed.
-    """
-    climb = np.concatenate(([0.0], np.cumsum(2 * COMFORT * steps)))
-    backward = np.minimum.accumulate((cap + climb)[::-1])[::-1] - climb
-    backward[0] = min(backward[0], start)
-    return np.asarray(np.minimum.accumulate(backward - climb) + climb)
 
 
 @dataclass(frozen=True)
@@ -159,7 +135,9 @@ class ZonePassage:
     Attributes:
         giver: with a guessed continuation after `real_end`, where that is given.
         stay, other: when the giver and the other are in the zone.
-        around: what else could hold the giver.
+        red, leader, excused: whether a red or yellow light holds the giver in a span of time [s];
+            another agent ahead in its lane, at a time; another one bound to it by a relation.
+        on_crosswalk: whether the other is on the crosswalk of the zone at a time.
         real_end: end of the giver's own track [s], if what follows is a guess.
         other_start: when the other's track begins [s]: no agent slows for an absent one; None
             where that, and braking for one that has gone, is not checked.
@@ -168,7 +146,10 @@ class ZonePassage:
     giver: Trajectory
     stay: ZoneOccupancy
     other: ZoneOccupancy
-    around: YieldContext
+    red: Callable[[float, float], bool]
+    leader: Callable[[float], bool]
+    excused: Callable[[float], bool]
+    on_crosswalk: Callable[[float], bool]
     real_end: float | None = None
     other_start: float | None = None
 
@@ -201,7 +182,7 @@ def is_held_throughout(
 ) -> bool:
     """Whether a light explains all of a giver's slowing up to a time, so that it does not yield.
 
-    Needs no zone, and therefore little time; see `find_yield` and `_is_held_otherwise`.
+    Needs no zone, and therefore little time; see `find_yield`.
     """
     times, last = giver.times, giver.index(until)
     for lowest in _find_lowest_points(giver, until):
@@ -265,17 +246,36 @@ def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
     arrival, leaving = np.interp(s, drive.s, drive.time).tolist()
     leaving = np.inf if passage.stay.ends_inside else leaving
     caused = arrival <= other.leave + MARGIN and leaving >= other.enter - MARGIN
-    if not (caused or passage.around.on_crosswalk(float(giver.times[begin]))):
+    if not (caused or passage.on_crosswalk(float(giver.times[begin]))):
         return None
     if passage.other_start is not None:
         # It slows for an agent not there yet, or is slowest once the other has gone.
         early = giver.times[begin] < passage.other_start - STEP / 2
         if early or giver.times[low] > other.leave + LATE + 1e-6:
             return None
-    yield_event = _build_yield(passage, begin, low, arrival)
-    if not _resumes(passage, low) or _is_held_otherwise(yield_event, passage.around):
+    # It moves again within 4 s after the other cleared, or has an excuse not to.
+    limit = other.leave + RESUME_WITHIN
+    end = giver.end if passage.real_end is None else passage.real_end
+    after = (giver.times > giver.times[low]) & (giver.times <= min(limit, end) + 1e-6)
+    resumes = giver.speed[after & (giver.times >= other.leave)] > limits.resumed
+    excused = end <= limit + 1e-6 or passage.red(other.leave, limit)
+    if not (resumes.any() or excused or passage.excused(limit)):
         return None
-    return yield_event
+    until = max(giver.index(passage.until), low) + 1
+    x, y = giver.xy[low]
+    found = YieldEvent(
+        time=float(giver.times[low]), place=(float(x), float(y)),
+        begin=float(giver.times[begin]), lowest=float(giver.speed[low:until].min()),
+        approach=compute_approach_speed(giver, begin=begin),
+        braking=float(-giver.acceleration[begin:until].min()),
+        enter=passage.stay.enter if passage.real_end is None else None,
+        cleared=passage.other.leave, arrival=arrival,
+    )  # fmt: skip
+    if passage.red(found.begin, found.time):
+        return None
+    # A queue in its own lane explains the slowing.
+    last = max(found.time, min(found.cleared, found.enter or found.cleared))
+    return None if passage.leader(found.time) and passage.leader(last) else found
 
 
 def _find_slow_moment(
@@ -298,42 +298,6 @@ def _find_standstill(giver: Trajectory, begin: int, lowest: int, last: int) -> t
     before, after = moving[moving < lowest], moving[moving > lowest]
     first = int(before[-1]) + 1 if len(before) else begin
     return first, int(after[0]) - 1 if len(after) else last
-
-
-def _build_yield(passage: ZonePassage, begin: int, low: int, arrival: float) -> YieldEvent:
-    giver = passage.giver
-    until = max(giver.index(passage.until), low) + 1
-    x, y = giver.xy[low]
-    return YieldEvent(
-        time=float(giver.times[low]), place=(float(x), float(y)),
-        begin=float(giver.times[begin]), lowest=float(giver.speed[low:until].min()),
-        approach=compute_approach_speed(giver, begin=begin),
-        braking=float(-giver.acceleration[begin:until].min()),
-        enter=passage.stay.enter if passage.real_end is None else None,
-        cleared=passage.other.leave, arrival=arrival,
-    )  # fmt: skip
-
-
-def _resumes(passage: ZonePassage, low: int) -> bool:
-    """Moves again within 4 s after the other cleared, or has an excuse not to."""
-    giver, cleared, around = passage.giver, passage.other.leave, passage.around
-    limit = cleared + RESUME_WITHIN
-    end = giver.end if passage.real_end is None else passage.real_end
-    after = (giver.times > giver.times[low]) & (giver.times <= min(limit, end) + 1e-6)
-    after &= giver.times >= cleared
-    if (giver.speed[after] > LIMITS[giver.type].resumed).any():
-        return True
-    return end <= limit + 1e-6 or around.red(cleared, limit) or around.excused(limit)
-
-
-def _is_held_otherwise(yield_event: YieldEvent, around: YieldContext) -> bool:
-    """Whether a red light, or a queue in its own lane, explains the slowing."""
-    if around.red(yield_event.begin, yield_event.time):
-        return True
-    until = max(
-        yield_event.time, min(yield_event.cleared, yield_event.enter or yield_event.cleared)
-    )
-    return around.leader(yield_event.time) and around.leader(until)
 
 
 def is_leading(giver: Trajectory, other: Trajectory, *, time: float, before: float) -> bool:

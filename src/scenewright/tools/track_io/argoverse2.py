@@ -32,7 +32,21 @@ def read_argoverse2(data: bytes, *, name: str) -> list[SampledRecording]:
     Raises:
         InputError: no Parquet file, or not the columns of a scenario.
     """
-    columns = _read_columns(data, name)
+    require_extra("exports", "reading Argoverse 2", "pyarrow")
+    arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    try:
+        file = parquet.ParquetFile(io.BytesIO(data))
+        names = file.schema_arrow.names
+        if missing := [column for column in _NEEDED if column not in names]:
+            raise InputError(
+                f"{name} is no Argoverse 2 scenario: no column {', '.join(missing)[:120]}"
+            )
+        own = [column for column in _OWN if column in names]
+        columns: dict[str, list[Any]] = file.read([*_NEEDED, *own]).to_pydict()
+    except (arrow.ArrowException, OSError, ValueError) as error:
+        raise InputError(f"{name} is no Parquet file that can be read") from error
+    if not columns["track_id"]:
+        raise InputError(f"{name} holds no tracks")
     steps, ids = np.array(columns["timestep"]), np.array(columns["track_id"], dtype=str)
     start, end, count = (columns[key][0] for key in _NEEDED[-3:])
     step = (end - start) * NANOSECONDS / max(count - 1, 1)
@@ -52,22 +66,3 @@ def read_argoverse2(data: bytes, *, name: str) -> list[SampledRecording]:
             agent = AgentSamples(who, subtype, t, places[rows, :2], places[rows, 2], length, width)
         found.append((word, agent))
     return [sort_out("", found)]
-
-
-def _read_columns(data: bytes, name: str) -> dict[str, list[Any]]:
-    require_extra("exports", "reading Argoverse 2", "pyarrow")
-    arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    try:
-        file = parquet.ParquetFile(io.BytesIO(data))
-        missing = [column for column in _NEEDED if column not in file.schema_arrow.names]
-        if missing:
-            raise InputError(
-                f"{name} is no Argoverse 2 scenario: no column {', '.join(missing)[:120]}"
-            )
-        own = [column for column in _OWN if column in file.schema_arrow.names]
-        columns: dict[str, list[Any]] = file.read([*_NEEDED, *own]).to_pydict()
-    except (arrow.ArrowException, OSError, ValueError) as error:
-        raise InputError(f"{name} is no Parquet file that can be read") from error
-    if not columns["track_id"]:
-        raise InputError(f"{name} holds no tracks")
-    return columns

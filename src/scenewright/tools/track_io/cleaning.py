@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -28,14 +27,10 @@ MIN_DURATION = 2.0
 """Least duration of a piece that is kept [s]."""
 MIN_EXTENT: Mapping[str, float] = {"vehicle": 3.0, "pedestrian": 1.0}
 """Least extent of a track along either axis [m]; others are false detections, or parked."""
-MOVING = 0.5
-"""Speed from which a position counts as moving where jitter is measured [m/s]."""
 SPEED_CHECK_SMOOTHING = 0.4
 """Smoothing under which speeds are judged, not the smoothing of what is kept [s]."""
 COURSE_MIN_SPEED = 0.3
 """Speed below which the direction of motion is noise, so that the last one is held [m/s]."""
-NOISE_SPAN = 11
-"""Samples of the cubic that jitter is measured against."""
 
 
 @dataclass(eq=False)
@@ -146,15 +141,3 @@ def compute_course(xy: FloatArray) -> FloatArray:
     course = np.arctan2(step[:, 1], step[:, 0])
     last = np.maximum.accumulate(np.where(known, np.arange(len(xy)), -1))
     return np.asarray(np.unwrap(course[np.where(last < 0, int(np.argmax(known)), last)]))
-
-
-def measure_jitter(xy: FloatArray) -> FloatArray:
-    """[T'] distance of moving positions from a cubic through their neighbours within 0.5 s [m]."""
-    from scipy import signal
-
-    filters: Any = signal
-    if len(xy) <= NOISE_SPAN:
-        return np.zeros(0)
-    smoothed = filters.savgol_filter(xy, NOISE_SPAN, 3, axis=0)
-    moving = np.linalg.norm(np.gradient(smoothed, STEP, axis=0), axis=1) > MOVING
-    return np.asarray(np.linalg.norm(xy - smoothed, axis=1)[moving])

@@ -12,7 +12,7 @@ import io
 import json
 import math
 from array import array
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import PurePath
@@ -34,9 +34,8 @@ from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
 from scenewright.tools.track_io.passengers import describe_rides, leave_out_passengers
-from scenewright.tools.track_io.sampled_recording import SampledRecording
+from scenewright.tools.track_io.sampled_recording import find_subtype
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
-from scenewright.tools.track_io.subtypes import find_subtype
 from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 from scenewright.tools.track_io.unit_checks import find_unit_doubts
 
@@ -63,15 +62,9 @@ COURSE = {"vehicle": 0.5, "pedestrian": 0.2, "cyclist": 0.5, "scooter": 0.5}
 """Way over which the course is measured, and within 1 s the least that counts as motion [m]."""
 TRAJNET_FPS = 2.5
 
-_CAR = get_vehicle_shape("car")
-_SHAPES = {
-    "car": _CAR,
-    "truck": get_vehicle_shape("truck"),
-    "bus": get_vehicle_shape("bus"),
-    "motorcycle": get_vehicle_shape("motorcycle"),
-    "bicycle": get_rider_shape("cyclist"),
-    "pedestrian": PEDESTRIAN,
-}
+
+_SHAPES = {each: get_vehicle_shape(each) for each in ("car", "truck", "bus", "motorcycle")}
+_SHAPES |= {"bicycle": get_rider_shape("cyclist"), "pedestrian": PEDESTRIAN}
 """Footprints by subtype (SEMANTICS sections 1 and 8)."""
 _REQUIRED = ("t", "id", "class", "x", "y")
 _OPTIONAL = ("heading", "length", "width")
@@ -83,15 +76,16 @@ class _AgentRows:
 
     subtype: str
     lines: array[int] = field(default_factory=lambda: array("q"))
-    t: array[float] = field(default_factory=lambda: array("d"))
-    x: array[float] = field(default_factory=lambda: array("d"))
-    y: array[float] = field(default_factory=lambda: array("d"))
-    heading: array[float] = field(default_factory=lambda: array("d"))
-    length: array[float] = field(default_factory=lambda: array("d"))
-    width: array[float] = field(default_factory=lambda: array("d"))
+    columns: dict[str, array[float]] = field(
+        default_factory=lambda: {name: array("d") for name in ("t", "x", "y", *_OPTIONAL)}
+    )
+
+    @property
+    def t(self) -> array[float]:
+        return self.columns["t"]
 
     def get_column(self, name: str) -> FloatArray:
-        return np.array(getattr(self, name), dtype=np.float64)
+        return np.array(self.columns[name], dtype=np.float64)
 
 
 @dataclass(eq=False)
@@ -139,10 +133,8 @@ class _Table:
                         f"{rows.t[-1]:.13g}; sort the rows by time, and give each agent an id of "
                         "its own")  # fmt: skip
         rows.lines.append(line)
-        for name in ("t", "x", "y"):
-            getattr(rows, name).append(values[name])
-        for name in _OPTIONAL:
-            getattr(rows, name).append(values.get(name, math.nan))
+        for name, column in rows.columns.items():
+            column.append(values.get(name, math.nan))
 
 
 def read_tracks(data: bytes, *, name: str) -> ExternalTracks:
@@ -154,14 +146,11 @@ def read_tracks(data: bytes, *, name: str) -> ExternalTracks:
     Raises:
         InputError: names the line and what to mend.
     """
-    readers: dict[str, Callable[..., ExternalTracks]] = {
-        ".csv": read_csv,
-        ".ndjson": read_trajnet,
-    }
-    reader = readers.get(PurePath(name).suffix.lower())
-    if reader is None:
+    suffix = PurePath(name).suffix.lower()
+    if suffix not in (".csv", ".ndjson"):
         raise InputError(f"{name}: tracks are read from .csv and .ndjson files")
-    return reader(decode_text(data, name=name), name=name)
+    text = decode_text(data, name=name)
+    return read_csv(text, name=name) if suffix == ".csv" else read_trajnet(text, name=name)
 
 
 def read_external_recordings(data: bytes, *, name: str) -> dict[str, ExternalTracks]:
@@ -174,34 +163,26 @@ def read_external_recordings(data: bytes, *, name: str) -> dict[str, ExternalTra
     """
     if find_reader(name) is None:
         return {"": read_tracks(data, name=name)}
-    recordings = read_simulator_file(data, name=name)
-    return {
-        each.name: build_sampled_tracks(each, name=f"{name} {each.name}".strip())
-        for each in recordings
-        if each.agents
-    }
-
-
-def build_sampled_tracks(recording: SampledRecording, *, name: str) -> ExternalTracks:
-    """The road users of one scenario of a simulator or motion dataset.
-
-    Raises:
-        InputError: names the agent's sample and what to mend.
-    """
-    table = _Table(name, unit="sample")
-    for agent in recording.agents:
-        for k, (t, (x, y)) in enumerate(zip(agent.t.tolist(), agent.xy.tolist(), strict=True)):
-            values = {"t": t, "x": x, "y": y}
-            if agent.heading is not None:
-                values["heading"] = float(agent.heading[k])
-            sizes = {"length": agent.length, "width": agent.width}
-            values |= {key: size for key, size in sizes.items() if size is not None}
-            checked = {key: _check_value(key, value, k, table) for key, value in values.items()}
-            table.add(k, agent.name, agent.subtype, checked)
-    tracks = _build_tracks(table, unit=1.0)
-    left_out = ", ".join(f"{n} {_crop(word) or '?'}" for word, n in recording.left_out.items())
-    notes = (f"left out, as no road users: {left_out}",) if left_out else ()
-    return replace(tracks, notes=(*tracks.notes, *recording.notes, *notes))
+    found = {}
+    for each in (
+        recording for recording in read_simulator_file(data, name=name) if recording.agents
+    ):
+        table = _Table(f"{name} {each.name}".strip(), unit="sample")
+        for agent in each.agents:
+            own = {"length": agent.length, "width": agent.width}
+            sizes = {key: size for key, size in own.items() if size is not None}
+            for k, (t, (x, y)) in enumerate(zip(agent.t.tolist(), agent.xy.tolist(), strict=True)):
+                values = {"t": t, "x": x, "y": y}
+                if agent.heading is not None:
+                    values["heading"] = float(agent.heading[k])
+                values |= sizes
+                checked = {key: _check_value(key, value, k, table) for key, value in values.items()}
+                table.add(k, agent.name, agent.subtype, checked)
+        tracks = _build_tracks(table, unit=1.0)
+        left_out = ", ".join(f"{n} {_crop(word) or '?'}" for word, n in each.left_out.items())
+        notes = (f"left out, as no road users: {left_out}",) if left_out else ()
+        found[each.name] = replace(tracks, notes=(*tracks.notes, *each.notes, *notes))
+    return found
 
 
 def decode_text(data: bytes, *, name: str) -> str:
@@ -243,7 +224,18 @@ def read_csv(text: str, *, name: str) -> ExternalTracks:
     rows = _iterate_csv_rows(text, name)
     first, header = next(rows, (1, [""]))
     table = _Table(name)
-    columns = _find_columns(header, first, table)
+    names = [cell.strip().lower() for cell in header]
+    missing = [column for column in _REQUIRED if column not in names]
+    if missing:
+        given = _crop(", ".join(name for name in names if name), limit=120)
+        table.refuse(first, f"no column {', '.join(missing)}; the header must name "
+                     f"{', '.join(_REQUIRED)} and may name {', '.join(_OPTIONAL)}, "
+                     f"it names {given or 'none'}")  # fmt: skip
+    known = [column for column in (*_REQUIRED, *_OPTIONAL) if column in names]
+    twice = [column for column in known if names.count(column) > 1]
+    if twice:
+        table.refuse(first, f"column {twice[0]} is there twice; keep one")
+    columns = {column: names.index(column) for column in known}
     for line, cells in rows:
         if len(cells) != len(header):
             hint = f"; {SEPARATE}" if len(cells) > len(header) else ""
@@ -272,21 +264,6 @@ def _iterate_csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
                 yield reader.line_num, cells
     except csv.Error as error:
         raise InputError(f"{name}, line {reader.line_num}: {error}; mend the quotes") from error
-
-
-def _find_columns(header: list[str], line: int, table: _Table) -> dict[str, int]:
-    """Where the columns stand that are read."""
-    names = [cell.strip().lower() for cell in header]
-    missing = [column for column in _REQUIRED if column not in names]
-    if missing:
-        given = _crop(", ".join(name for name in names if name), limit=120)
-        table.refuse(line, f"no column {', '.join(missing)}; the header must name "
-                     f"{', '.join(_REQUIRED)} and may name {', '.join(_OPTIONAL)}, "
-                     f"it names {given or 'none'}")  # fmt: skip
-    twice = [column for column in (*_REQUIRED, *_OPTIONAL) if names.count(column) > 1]
-    if twice:
-        table.refuse(line, f"column {twice[0]} is there twice; keep one")
-    return {column: names.index(column) for column in (*_REQUIRED, *_OPTIONAL) if column in names}
 
 
 def _check_subtype(cell: object, line: int, table: _Table) -> str:
@@ -341,8 +318,19 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
             if not 1 / LONGEST_STEP <= rate <= 1 / SHORTEST_STEP:
                 table.refuse(line, f"fps = {rate:g} must be frames per second of the samples")
             fps[rate] = line
-        else:
-            _add_track(values, line, table)
+            continue
+        missing = [key for key in ("f", "p", "x", "y") if values.get(key) is None]
+        if missing:
+            table.refuse(line, f"the track has no {', '.join(missing)}; it needs f, p, x and y")
+        who = values["p"]
+        if isinstance(who, bool) or not isinstance(who, int | str) or who == "":
+            table.refuse(line, "p must be the number of an agent")
+        subtype = _check_subtype(values.get("class", "pedestrian"), line, table)
+        numbers = {key: _check_json_number(values[key], key, line, table) for key in "fxy"}
+        if numbers["f"] != int(numbers["f"]):
+            table.refuse(line, f"f = {numbers['f']:g} must be the whole number of a frame")
+        place = {"t": numbers["f"], "x": numbers["x"], "y": numbers["y"]}
+        table.add(line, str(who), subtype, place)
     if len(fps) > 1:
         (one, _), (other, line) = list(fps.items())[:2]
         table.refuse(line, f"fps {other:g} here and {one:g} elsewhere; split the file by fps")
@@ -351,21 +339,6 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
     found, counts = np.unique(np.concatenate([*steps, np.zeros(0)]), return_counts=True)
     stride = float(found[np.argmax(counts)]) if len(found) else 1.0
     return _build_tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * stride))
-
-
-def _add_track(track: Mapping[str, Any], line: int, table: _Table) -> None:
-    missing = [key for key in ("f", "p", "x", "y") if track.get(key) is None]
-    if missing:
-        table.refuse(line, f"the track has no {', '.join(missing)}; it needs f, p, x and y")
-    who = track["p"]
-    if isinstance(who, bool) or not isinstance(who, int | str) or who == "":
-        table.refuse(line, "p must be the number of an agent")
-    subtype = _check_subtype(track["class"], line, table) if "class" in track else "pedestrian"
-    numbers = {key: _check_json_number(track[key], key, line, table) for key in ("f", "x", "y")}
-    if numbers["f"] != int(numbers["f"]):
-        table.refuse(line, f"f = {numbers['f']:g} must be the whole number of a frame")
-    table.add(line, str(who), subtype,
-              {"t": numbers["f"], "x": numbers["x"], "y": numbers["y"]})  # fmt: skip
 
 
 def _check_json_number(value: Any, key: str, line: int, table: _Table) -> float:
@@ -597,10 +570,10 @@ def _collect_notes(
     return (*notes, *find_unit_doubts(users, headed=headed))
 
 
-def _list_ids(names: list[str], *, most: int = 5) -> str:
+def _list_ids(names: list[str]) -> str:
     """Ids for a sentence."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"id {', '.join(_crop(name) for name in names[:most])}{more}"
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return f"id {', '.join(_crop(name) for name in names[:5])}{more}"
 
 
 def _crop(text: str, *, limit: int = 40) -> str:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from xml.parsers import expat
 
 import numpy as np
 
@@ -12,23 +10,16 @@ from scenewright.errors import InputError
 from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.track_io.passengers import describe_rides
 from scenewright.tools.track_io.sampled_recording import (
+    SUBTYPE_OF_WORD,
     AgentSamples,
     SampledRecording,
     find_road_user,
     sort_out,
 )
-from scenewright.tools.track_io.subtypes import SUBTYPE_OF_WORD
+from scenewright.tools.track_io.xml_reading import walk_xml
 
+_Agent = tuple[str, tuple[float | None, float | None], list[tuple[float, float, float, float]]]
 _LENGTHS = {name: size[0] for name, size in VEHICLE_SIZES.items()} | {"bicycle": 1.8}
-
-
-@dataclass(eq=False)
-class _FcdRows:
-    """One agent's rows as they come: time, x and y of the centre, heading (NaN if not stated)."""
-
-    subtype: str
-    size: tuple[float | None, float | None]
-    rows: list[tuple[float, float, float, float]] = field(default_factory=list)
 
 
 def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
@@ -37,12 +28,10 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
     Raises:
         InputError: not well-formed, with a document type, or a row without usable numbers.
     """
-    agents: dict[str, _FcdRows] = {}
+    # By name its subtype, size, and rows of time, x and y of the centre, heading (NaN if unknown).
+    agents: dict[str, _Agent] = {}
     rides: dict[str, str] = {}
     now = 0.0
-
-    def refuse(*_: object) -> None:
-        raise InputError(f"{name} declares a document type or entities; no FCD needs them")
 
     def start(tag: str, row: dict[str, str]) -> None:
         nonlocal now
@@ -56,24 +45,16 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
         except (KeyError, ValueError):
             raise InputError(f"{name} has a {tag} without usable id, time, x, y") from None
 
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as fault:
-        raise InputError(f"{name} is not well-formed XML (line {fault.lineno})") from None
+    walk_xml(data, name=name, StartElementHandler=start)
     found = []
-    for key, agent in agents.items():
-        t, x, y, heading = np.array(agent.rows).T
+    for key, (subtype, size, rows) in agents.items():
+        t, x, y, heading = np.array(rows).T
         turns = None if np.isnan(heading).any() else heading
-        xy = np.column_stack([x, y])
-        found.append(("", AgentSamples(key, agent.subtype, t, xy, turns, *agent.size)))
+        found.append(("", AgentSamples(key, subtype, t, np.column_stack([x, y]), turns, *size)))
     return [sort_out("", found, describe_rides(rides))]
 
 
-def _add_row(agents: dict[str, _FcdRows], tag: str, row: dict[str, str], now: float) -> None:
+def _add_row(agents: dict[str, _Agent], tag: str, row: dict[str, str], now: float) -> None:
     x, y = float(row["x"]), float(row["y"])
     word = "pedestrian"
     if tag == "vehicle":
@@ -87,5 +68,5 @@ def _add_row(agents: dict[str, _FcdRows], tag: str, row: dict[str, str], now: fl
         turn = math.radians(90.0 - float(row["angle"]))
         back = (length or _LENGTHS.get(word, 4.6)) / 2 if tag == "vehicle" else 0.0
         x, y = x - back * math.cos(turn), y - back * math.sin(turn)
-    agent = agents.setdefault(f"{tag} {row['id']}", _FcdRows(word, (length, width)))
-    agent.rows.append((now, x, y, turn))
+    rows = agents.setdefault(f"{tag} {row['id']}", (word, (length, width), []))[2]
+    rows.append((now, x, y, turn))

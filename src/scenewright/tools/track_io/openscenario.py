@@ -60,7 +60,19 @@ def _read_agent(
     """The word for what the entity is, and its samples if it is a road user."""
     if entity is None:
         raise InputError(f"{name}: no entity {actor[:40]!r}")
-    word, body = _find_word(entity)
+    # What the entity is in a word, and its element, where it is not in a catalogue.
+    word, body = "object", None
+    for part in entity:
+        if part.tag in ("Vehicle", "Pedestrian"):
+            animal = part.get("pedestrianCategory") == "animal"
+            walks = "animal" if animal else "pedestrian"
+            word = part.get("vehicleCategory", "") if part.tag == "Vehicle" else walks
+            body = part
+            break
+        if part.tag == "CatalogReference":
+            entry = part.get("entryName", "").replace("_", " ").split()
+            word = next((each for each in entry if find_road_user(each)), "catalogue entry")
+            break
     subtype = find_road_user(word)
     if subtype is None:
         return word, None
@@ -81,52 +93,22 @@ def _read_agent(
     return word, resample_if_uneven(agent, STEP)
 
 
-def _find_word(entity: _Element) -> tuple[str, _Element | None]:
-    """What the entity is in a word, and its element, where it is not in a catalogue."""
-    for body in entity:
-        if body.tag == "Vehicle":
-            return body.get("vehicleCategory", ""), body
-        if body.tag == "Pedestrian":
-            animal = body.get("pedestrianCategory") == "animal"
-            return ("animal" if animal else "pedestrian"), body
-        if body.tag == "CatalogReference":
-            entry = body.get("entryName", "").replace("_", " ").split()
-            return next((word for word in entry if find_road_user(word)), "catalogue entry"), None
-    return "object", None
-
-
 def _read_vertices(event: _Element, follow: _Element, name: str) -> tuple[FloatArray, FloatArray]:
-    """[T] times [s] and [T, 3] x, y, heading (NaN where not stated)."""
+    """[T] times [s] on the scenario's clock and [T, 3] x, y, heading (NaN where not stated)."""
     vertices = list(follow.iter("Vertex"))
     if not vertices:
         raise InputError(f"{name}: only trajectories as polylines can be checked")
     if any(vertex.get("time") is None for vertex in vertices):
         raise InputError(f"{name}: the trajectory has no times, so where it is when is open")
-    places = []
-    for vertex in vertices:
+    rows = np.full((len(vertices), 3), np.nan)
+    for row, vertex in zip(rows, vertices, strict=True):
         place = vertex.find("Position/WorldPosition")
         if place is None:
             raise InputError(f"{name}: only trajectories in world positions can be checked")
-        x, y = (parse_number(place.get(axis), name=name, what=axis) for axis in ("x", "y"))
-        turn = place.get("h")
-        h = np.nan if turn is None else parse_number(turn, name=name, what="h")
-        places.append((x, y, h))
-    times = [parse_number(vertex.get("time"), name=name, what="time") for vertex in vertices]
-    t = _convert_to_scenario_time(np.array(times), event, follow, name)
-    if (np.diff(t) <= 0).any():
-        raise InputError(f"{name}: the times of the vertices do not rise")
-    rows = np.array(places)
-    if len(t) > 2 and (rows[-1] == rows[-2]).all():
-        before = np.hypot(*(rows[-2] - rows[-3])[:2]) / (t[-2] - t[-3])
-        if before > _HELD_FROM:  # the last one only holds an agent whose track a collision ended
-            return t[:-1], rows[:-1]
-    return t, rows
-
-
-def _convert_to_scenario_time(
-    t: FloatArray, event: _Element, follow: _Element, name: str
-) -> FloatArray:
-    """Times of vertices on the scenario's clock [s]."""
+        for k, axis in enumerate(("x", "y", "h")):
+            if axis != "h" or place.get("h") is not None:
+                row[k] = parse_number(place.get(axis), name=name, what=axis)
+    t = np.array([parse_number(each.get("time"), name=name, what="time") for each in vertices])
     timing = follow.find("TimeReference/Timing")
     if timing is None:
         raise InputError(f"{name}: the trajectory has no timing, so where it is when is open")
@@ -135,9 +117,15 @@ def _convert_to_scenario_time(
         for key, default in (("scale", "1"), ("offset", "0"))
     )
     t = scale * t + offset
-    if timing.get("domainAbsoluteRelative") == "absolute":
-        return t
-    trigger = event.find(_TIME)
-    if trigger is None:
-        raise InputError(f"{name}: it starts by a trigger other than time, so when is open")
-    return t + parse_number(trigger.get("value"), name=name, what="trigger")
+    if timing.get("domainAbsoluteRelative") != "absolute":
+        trigger = event.find(_TIME)
+        if trigger is None:
+            raise InputError(f"{name}: it starts by a trigger other than time, so when is open")
+        t = t + parse_number(trigger.get("value"), name=name, what="trigger")
+    if (np.diff(t) <= 0).any():
+        raise InputError(f"{name}: the times of the vertices do not rise")
+    if len(t) > 2 and (rows[-1] == rows[-2]).all():
+        before = np.hypot(*(rows[-2] - rows[-3])[:2]) / (t[-2] - t[-3])
+        if before > _HELD_FROM:  # the last one only holds an agent whose track a collision ended
+            return t[:-1], rows[:-1]
+    return t, rows

@@ -44,7 +44,9 @@ def leave_out_passengers(users: Sequence[Named]) -> tuple[list[Named], dict[str,
         edges = np.flatnonzero(np.diff(np.concatenate(([True], riding, [True])).astype(int)))
         for first, last in edges.reshape(-1, 2).tolist():
             if last - first == len(riding) or last - first > 1:
-                kept.append((name, replace(user, track=_cut(track, first, last))))
+                part, start = slice(first, last), track.start + first * track.step
+                walked = Track(track.xy[part], track.heading[part], start, track.step)
+                kept.append((name, replace(user, track=walked)))
     return kept, rides
 
 
@@ -53,13 +55,6 @@ def describe_rides(rides: Mapping[str, str]) -> tuple[str, ...]:
     words = [f"{name} in {vehicle}" for name, vehicle in rides.items()]
     more = f" and {len(words) - 5} more" if len(words) > 5 else ""
     return (f"passengers, left out: {', '.join(words[:5])}{more}",) if words else ()
-
-
-def _cut(track: Track, first: int, last: int) -> Track:
-    return Track(
-        track.xy[first:last], track.heading[first:last], track.start + first * track.step,
-        track.step,
-    )  # fmt: skip
 
 
 def _find_rides(track: Track, vehicle: RoadUser) -> Iterator[tuple[int, int]]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-from scenewright.tools.track_io.subtypes import find_subtype
 
 _SUBTYPES = {
     "van": "car",
@@ -88,3 +88,25 @@ def resample_if_uneven(agent: AgentSamples, step: float) -> AgentSamples:
     if heading is not None:
         heading = np.interp(t, agent.t, np.unwrap(heading))
     return AgentSamples(agent.name, agent.subtype, t, xy, heading, agent.length, agent.width)
+
+
+_SYNONYMS = {
+    "car": "vehicle automobile passenger passenger_car passenger_vehicle van minivan suv taxi "
+    "pickup cab agent av others regular_vehicle",
+    "truck": "lorry heavy_vehicle truck_bus trailer semi hgv delivery",
+    "bus": "coach minibus",
+    "motorcycle": "motorbike motorcyclist moped scooter motor tricycle motorcycle_tricycle",
+    "bicycle": "bike cyclist bicyclist biker e_scooter escooter electric_scooter kick_scooter",
+    "pedestrian": "ped person people walker human pedestrian/bicycle",
+}
+SUBTYPE_OF_WORD = {
+    word: subtype for subtype, words in _SYNONYMS.items() for word in (subtype, *words.split())
+}
+SUBTYPES = tuple(_SYNONYMS)
+
+
+@lru_cache(maxsize=256)
+def find_subtype(text: str) -> str | None:
+    """The subtype that a word such as `Passenger car` means; None where it is unknown."""
+    word = "_".join(text.lower().replace("-", " ").replace("_", " ").split())
+    return SUBTYPE_OF_WORD.get(word)

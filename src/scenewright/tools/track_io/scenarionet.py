@@ -23,6 +23,8 @@ from scenewright.tools.track_io.sampled_recording import (
     sort_out,
 )
 
+_LATIN = {"latin1": "latin-1", "latin-1": "latin-1"}
+"""The encodings by which old pickles of arrays call for their bytes."""
 _NUMPY = ("numpy.core.", "numpy._core.")
 _DESCRIPTION = ("metadrive.scenario.scenario_description", "ScenarioDescription")
 _HARMLESS: dict[tuple[str, str], Any] = {
@@ -48,17 +50,10 @@ class _ArraysOnly(pickle.Unpickler):
             home = "numeric" if name == "_frombuffer" else "multiarray"
             return getattr(getattr(np._core, home), name)  # type: ignore[attr-defined]
         if (module, name) == ("_codecs", "encode"):
-            return _encode_latin
+            return lambda text, encoding: text.encode(_LATIN[encoding])
         if (module, name) not in _HARMLESS:
             raise pickle.UnpicklingError(f"it wants {module}.{name}"[:120])
         return _HARMLESS[module, name]
-
-
-def _encode_latin(text: str, encoding: str) -> bytes:
-    """What old pickles of arrays call for their bytes."""
-    if encoding not in ("latin1", "latin-1"):
-        raise pickle.UnpicklingError("bytes in an unknown encoding")
-    return text.encode("latin-1")
 
 
 def read_scenarionet(data: bytes, *, name: str) -> list[SampledRecording]:

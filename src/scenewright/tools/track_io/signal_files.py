@@ -127,7 +127,14 @@ def _read_lanes(file: Path) -> dict[str, tuple[LightWay, ...]]:
         }
         text = place.findtext(".//{*}coordinates") or ""
         name = "".join(data.get("Source", [""])).strip()
-        lines[name] = tuple(_read_place(file, point) for point in text.split())
+        points = []
+        for point in text.split():
+            try:
+                longitude, latitude = (float(part) for part in point.split(",")[:2])
+            except ValueError:
+                raise InputError(f"{file}: {point[:40]!r} is no place") from None
+            points.append((latitude, longitude))
+        lines[name] = tuple(points)
         pairs = zip(data.get("SignalGroup", []), data.get("Sink", []), strict=False)
         controlled += [(light.strip(), name, sink.strip()) for light, sink in pairs]
     found: dict[str, list[LightWay]] = {}
@@ -136,14 +143,6 @@ def _read_lanes(file: Path) -> dict[str, tuple[LightWay, ...]]:
         if light and len(lines[name]) > 1:
             found.setdefault(light, []).append(LightWay(lines[name], onto or None))
     return {light: tuple(ways) for light, ways in found.items()}
-
-
-def _read_place(file: Path, point: str) -> LatLon:
-    try:
-        longitude, latitude = (float(part) for part in point.split(",")[:2])
-    except ValueError:
-        raise InputError(f"{file}: {point[:40]!r} is no place") from None
-    return latitude, longitude
 
 
 def sample_colours(own: tuple[tuple[float, Colour], ...], times: FloatArray) -> list[Colour]:

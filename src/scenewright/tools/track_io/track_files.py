@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
 
@@ -29,14 +31,19 @@ from scenewright.tools.track_io.dataset_formats import (
     get_format,
 )
 from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
+from scenewright.tools.track_io.sampled_recording import SUBTYPES, find_subtype
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
-from scenewright.tools.track_io.subtypes import SUBTYPES, find_subtype
 from scenewright.tools.track_io.taf_bw import SETTLING
 from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3
 """Of positions [s], as for every real track."""
+_KNOWN = (
+    *PATTERNS, "vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt",
+    "*.xosc", "*.cr.xml", "sd_*.pkl", "*.tfrecord*", "scenario_*.parquet", "*.mcap",
+)  # fmt: skip
+"""Names of the files of tracks in a folder."""
 _LONGEST_GAP = 0.6
 """Samples farther apart are a gap [s]; 2.5 Hz, the coarsest of the formats, is 0.4."""
 
@@ -95,29 +102,19 @@ def read_track_files(
         InputError: nothing there, or a file that cannot be read; the line is named.
     """
     dataset = None if named is None else get_format(named)
-    files = [file for path in paths for file in _list_files(Path(path), dataset)]
+    patterns = _KNOWN if dataset is None else [glob for glob, _ in dataset.files]
+    files: list[Path] = []
+    for path in map(Path, paths):
+        if not path.exists():
+            raise InputError(f"cannot read {path}: there is no such file or folder")
+        inside = {file for pattern in patterns for file in path.rglob(pattern)}
+        files += [path] if path.is_file() else sorted(inside)
     # Pedestrians whose file lies beside that of the vehicles belong to the same recording.
     beside = {find_partner(file) for file in files}
     files = [file for file in files if file not in beside]
     if not files:
         raise InputError(f"no tracks in {', '.join(map(str, paths))[:200]}")
     return [tracks for file in files for tracks in _read(file, columns, scale, dataset)]
-
-
-def _list_files(path: Path, dataset: DatasetFormat | None) -> list[Path]:
-    if not path.exists():
-        raise InputError(f"cannot read {path}: there is no such file or folder")
-    if path.is_file():
-        return [path]
-    if dataset is not None:
-        return sorted({file for glob, _ in dataset.files for file in path.rglob(glob)})
-    known = (
-        *PATTERNS,
-        "vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt",
-        "*.xosc", "*.cr.xml", "sd_*.pkl", "*.tfrecord*", "scenario_*.parquet",
-        "*.mcap",
-    )  # fmt: skip
-    return sorted({file for pattern in known for file in path.rglob(pattern)})
 
 
 def _read(
@@ -145,8 +142,8 @@ def _read(
             settling = SETTLING.get(site, SETTLING["k733"])
         elif file.name.endswith("_tracks.csv"):
             agents, begin, origin = _read_ind(file)
-        elif file.suffix in _READERS:
-            agents = _READERS[file.suffix](file)
+        elif file.suffix in (".ndjson", ".txt"):
+            agents = (_read_trajnet if file.suffix == ".ndjson" else _read_vtp)(file)
         elif file.suffix == ".csv":
             agents = _read_mapped_csv(file, {name: name for name in ("t", "id", "class", "x", "y")})
         else:
@@ -193,8 +190,7 @@ def _convert_to_metres(agents: Mapping[str, _Agent], scale: float) -> None:
     if not 1e-4 < scale < 10.0:
         raise InputError(f"a scale is metres per pixel, such as 0.06, got {scale:g}")
     for agent in agents.values():
-        agent.x = [scale * x for x in agent.x]
-        agent.y = [-scale * y for y in agent.y]
+        agent.x, agent.y = [scale * x for x in agent.x], [-scale * y for y in agent.y]
 
 
 _VTP_RATE = 30.0
@@ -298,10 +294,9 @@ def _read_mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent
 
 
 def _get_column(text: str) -> tuple[str, float]:
-    if text.startswith("="):
-        return text, 1.0
+    """The column's name, or `=word`, and by what its values are divided."""
     name, _, divisor = text.rpartition("/")
-    if not name:
+    if text.startswith("=") or not name:
         return text, 1.0
     try:
         value = float(divisor)
@@ -358,25 +353,15 @@ def _read_taf_meta(file: Path) -> tuple[str, float | None, tuple[float, float] |
             if row.get("id") == file.stem.rsplit("_", 1)[-1]:
                 origin = (float(row["originLat"]), float(row["originLon"]))
                 site = (row.get("locationId") or "").lower()
-                return site, _parse_clock(row.get("startTime", "")), origin
+                clock = re.match(r"(\d+):(\d+)", row.get("startTime") or "")
+                return site, int(clock[1]) + int(clock[2]) / 60 if clock else None, origin
     return "", None, None
-
-
-def _parse_clock(text: str) -> float | None:
-    parts = text.split(":")
-    try:
-        return int(parts[0]) + int(parts[1]) / 60
-    except (ValueError, IndexError):
-        return None
 
 
 def _read_ind(file: Path) -> tuple[dict[str, _Agent], float | None, None]:
     """inD-style: `NN_tracks.csv` with `NN_tracksMeta.csv` and `NN_recordingMeta.csv` beside it."""
     stem = file.name.removesuffix("_tracks.csv")
-    meta, about = (
-        file.with_name(f"{stem}_tracksMeta.csv"),
-        file.with_name(f"{stem}_recordingMeta.csv"),
-    )
+    meta, about = (file.with_name(f"{stem}_{each}Meta.csv") for each in ("tracks", "recording"))
     for each in (meta, about):
         if not each.is_file():
             raise InputError(f"{file} needs {each.name} beside it")
@@ -405,7 +390,7 @@ def _read_ind(file: Path) -> tuple[dict[str, _Agent], float | None, None]:
 def _read_trajnet(file: Path) -> dict[str, _Agent]:
     """TrajNet++ ndjson: pedestrians in frames; 2.5 a second unless a scene says otherwise."""
     rows: list[tuple[int, str, float, float]] = []
-    fps, steps = 2.5, set()
+    fps, frames = 2.5, dict[str, set[int]]()
 
     def refuse(line: int, reason: str) -> NoReturn:
         raise InputError(f"{file}, line {line}: {reason}")
@@ -419,19 +404,11 @@ def _read_trajnet(file: Path) -> dict[str, _Agent]:
                     rows.append((int(own["f"]), str(own["p"]), float(own["x"]), float(own["y"])))
             except (ValueError, KeyError, TypeError):
                 refuse(line, "no TrajNet++ row")
-    last: dict[str, int] = {}
-    for frame, who, _, _ in sorted(rows):
-        if who in last and frame > last[who]:
-            steps.add(frame - last[who])
-        last[who] = frame
-    step = min(steps, default=1)
+    for frame, who, _, _ in rows:
+        frames.setdefault(who, set()).add(frame)
+    steps = (b - a for own in frames.values() for a, b in pairwise(sorted(own)))
+    rate = min(steps, default=1) * fps
     agents: dict[str, _Agent] = {}
     for frame, who, x, y in rows:
-        _append(agents, who, "pedestrian", frame / (step * fps), x, y, str(file))
+        _append(agents, who, "pedestrian", frame / rate, x, y, str(file))
     return agents
-
-
-_READERS: Mapping[str, Callable[[Path], dict[str, _Agent]]] = {
-    ".ndjson": _read_trajnet,
-    ".txt": _read_vtp,
-}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Literal, NamedTuple, NoReturn
+from typing import Any, Literal, NoReturn
 
 Kind = Literal["scene", "track"]
 _KINDS: tuple[Kind, ...] = ("scene", "track")
@@ -13,18 +13,10 @@ Predictions = Literal["refuse", "leave out", "first as tracks"]
 predictions, numbered from 0, beside or in place of what was observed."""
 
 
-class TrajnetRow(NamedTuple):
-    """What a line states, counted from 1."""
-
-    line: int
-    kind: Kind
-    values: dict[str, Any]
-
-
 def iterate_trajnet_rows(
     lines: Iterable[str], *, predictions: Predictions, refuse: Callable[[int, str], NoReturn]
-) -> Iterator[TrajnetRow]:
-    """Every scene and row of a track; empty lines are skipped.
+) -> Iterator[tuple[int, Kind, dict[str, Any]]]:
+    """The line, from 1, kind and values of every scene and row of a track; empty lines skipped.
 
     Args:
         refuse: raises the reader's error for a line and what is wrong with it.
@@ -41,9 +33,8 @@ def iterate_trajnet_rows(
         kind = next((each for each in _KINDS if isinstance(entry.get(each), dict)), None)
         if kind is None:
             refuse(line, 'expected {"scene": {...}} or {"track": {"f", "p", "x", "y"}}')
-        row = TrajnetRow(line, kind, entry[kind])
-        number = row.values.get("prediction_number") if row.kind == "track" else None
+        number = entry[kind].get("prediction_number") if kind == "track" else None
         if number is not None and predictions == "refuse":
             refuse(line, "this is a prediction; leave out tracks with a prediction_number")
         if number is None or (number == 0 and predictions == "first as tracks"):
-            yield row
+            yield line, kind, entry[kind]

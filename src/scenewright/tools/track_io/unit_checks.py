@@ -30,15 +30,29 @@ def find_unit_doubts(users: Sequence[RoadUser], *, headed: Collection[int]) -> t
         headed: ids of the users whose headings are the file's own.
     """
     moving = [user for user in users if len(user.track.xy) > 2]
-    turned = [u for u in moving if u.id in headed and u.shape.type == "vehicle" and _slips(u)]
+    turned = shaken = 0
+    for user in moving:
+        velocity, second = _compute_velocity(user), np.diff(user.track.xy, n=2, axis=0)
+        moves = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVES
+        if user.id in headed and user.shape.type == "vehicle" and moves.any():
+            course = np.arctan2(velocity[moves, 1], velocity[moves, 0])
+            off = compute_angle_between(course, user.track.heading[1:-1][moves]) > SLIP
+            turned += bool(off.mean() > 0.5)
+        needed = np.hypot(*(second / user.track.step**2).T)
+        shaken += bool(user.track.step <= 0.25 and np.median(needed) > JERKY)
     notes = []
     if turned:
         notes.append(
-            f"headings of {len(turned)} vehicle{'s' * (len(turned) > 1)} differ from their motion "
-            "by more than 20 degrees most of the time; headings are radians from east, "
-            "counter-clockwise"
+            f"headings of {turned} vehicle{'s' * (turned > 1)} differ from their motion by more "
+            "than 20 degrees most of the time; headings are radians from east, counter-clockwise"
         )
-    return (*notes, *_check_scale(moving), *_check_noise(moving))
+    notes += _check_scale(moving)
+    if shaken and 2 * shaken >= len(moving):
+        notes.append(
+            f"positions of {shaken} of {len(moving)} agents are too uneven for speeds and braking; "
+            "smooth them first"
+        )
+    return tuple(notes)
 
 
 def _compute_velocity(user: RoadUser) -> FloatArray:
@@ -47,54 +61,27 @@ def _compute_velocity(user: RoadUser) -> FloatArray:
     return np.asarray((xy[2:] - xy[:-2]) / (2 * step))
 
 
-def _slips(user: RoadUser) -> bool:
-    velocity = _compute_velocity(user)
-    moves = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVES
-    course = np.arctan2(velocity[moves, 1], velocity[moves, 0])
-    off = compute_angle_between(course, user.track.heading[1:-1][moves]) > SLIP
-    return bool(len(off) > 0 and off.mean() > 0.5)
-
-
 def _check_scale(users: Sequence[RoadUser]) -> list[str]:
     """Whether lengths or times have another unit."""
-    notes = []
-    extent = (
-        float(np.ptp(np.concatenate([u.track.xy for u in users]), axis=0).max()) if users else 0
-    )
+    xy = np.concatenate([np.zeros((0, 2)), *(user.track.xy for user in users)])
+    extent = float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
     if 0.0 < extent < TINY:
-        notes.append(f"all tracks lie within {extent:.2g} m; positions are metres, not degrees")
-        return notes
+        return [f"all tracks lie within {extent:.2g} m; positions are metres, not degrees"]
+    notes = []
+    tops = [float(np.percentile(np.hypot(*_compute_velocity(u).T), 95)) for u in users]
     for kind, limit in FAST.items():
-        tops = [_compute_top_speed(u) for u in users if u.shape.type == kind]
-        if tops and float(np.median(tops)) > limit:
+        own = [top for user, top in zip(users, tops, strict=True) if user.shape.type == kind]
+        if own and float(np.median(own)) > limit:
             notes.append(
-                f"half of the {kind}s reach {np.median(tops):.0f} m/s; positions are metres, "
+                f"half of the {kind}s reach {np.median(own):.0f} m/s; positions are metres, "
                 "times seconds"
             )
-    cars = [
-        u
-        for u in users
-        if u.shape.type == "vehicle" and np.hypot(*(u.track.xy[-1] - u.track.xy[0])) > DRIVEN
+    driven = [
+        (user.track.step, top)
+        for user, top in zip(users, tops, strict=True)
+        if user.shape.type == "vehicle"
+        and np.hypot(*(user.track.xy[-1] - user.track.xy[0])) > DRIVEN
     ]
-    if cars and cars[0].track.step >= LONG_STEP and max(map(_compute_top_speed, cars)) < SLOW:
+    if driven and driven[0][0] >= LONG_STEP and max(top for _, top in driven) < SLOW:
         notes.append(f"no vehicle is faster than {SLOW:.0f} m/s; times are seconds, not frames")
     return notes
-
-
-def _compute_top_speed(user: RoadUser) -> float:
-    velocity = _compute_velocity(user)
-    return float(np.percentile(np.hypot(velocity[:, 0], velocity[:, 1]), 95))
-
-
-def _check_noise(users: Sequence[RoadUser]) -> list[str]:
-    shaken = []
-    for user in users:
-        second = np.diff(user.track.xy, n=2, axis=0) / user.track.step**2
-        if user.track.step <= 0.25 and np.median(np.hypot(*second.T)) > JERKY:
-            shaken.append(user)
-    if not shaken or 2 * len(shaken) < len(users):
-        return []
-    return [
-        f"positions of {len(shaken)} of {len(users)} agents are too uneven for speeds and braking; "
-        "smooth them first"
-    ]

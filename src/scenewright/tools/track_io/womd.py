@@ -6,16 +6,18 @@ lanes need, by their numbers.
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.tools.track_io.protobuf_schema import build_messages
 from scenewright.tools.track_io.sampled_recording import AgentSamples, SampledRecording, sort_out
-from scenewright.tools.track_io.tfrecord import read_records
-from scenewright.tools.track_io.womd_example import read_example, read_example_tracks
 
 PACKAGE = "waymo.open_dataset"
 SCHEMA = """
@@ -46,16 +48,14 @@ def read_womd(data: bytes, *, name: str) -> list[SampledRecording]:
     Raises:
         InputError: damaged, or records of another kind.
     """
-    return [
-        _read_record(record, f"{name}, record {number}")
-        for number, record in enumerate(read_records(data, name=name))
-    ]
+    records = enumerate(read_records(data, name=name))
+    return [_read_record(record, f"{name}, record {number}") for number, record in records]
 
 
 def _read_record(record: bytes, name: str) -> SampledRecording:
     tensors = read_example(record)
     if tensors is not None:
-        return read_example_tracks(tensors, name, _TYPES)
+        return _read_example_tracks(tensors, name)
     from google.protobuf.message import DecodeError
 
     try:
@@ -86,3 +86,146 @@ def _read_track(track: Any, subtype: str, times: np.ndarray) -> AgentSamples:
     return AgentSamples(
         str(track.id), subtype, times[valid], rows[:, :2], rows[:, 2], length, width
     )
+
+
+_EXAMPLE = """
+BytesList: value 1 *bytes
+FloatList: value 1 +float
+Int64List: value 1 +int64
+Feature: bytes_list 1 BytesList, float_list 2 FloatList, int64_list 3 Int64List
+FeatureEntry: key 1 string, value 2 Feature
+Features: feature 1 *FeatureEntry
+Example: features 1 Features
+"""
+PARTS = {"past": slice(0, 10), "current": slice(10, 11), "future": slice(11, 91)}
+"""Steps of a record that each part of its names holds."""
+STATES = (
+    "x", "y", "z", "length", "width", "height", "bbox_yaw", "vel_yaw", "velocity_x", "velocity_y",
+    "timestamp_micros", "valid",
+)  # fmt: skip
+"""What a record says of an object at a step."""
+
+_Tensors = dict[str, np.ndarray[Any, Any]]
+
+
+@cache
+def load_example_class() -> Any:
+    """The message class of tf.Example; a map of features has the bytes of repeated entries."""
+    return build_messages("tensorflow", _EXAMPLE)["Example"]
+
+
+def read_example(record: bytes) -> _Tensors | None:
+    """The features of a record as flat arrays by name; None if it is no tf.Example of a scene."""
+    from google.protobuf.message import DecodeError
+
+    try:
+        entries = load_example_class().FromString(record).features.feature
+    except DecodeError:
+        return None
+    found: _Tensors = {}
+    for entry in entries:
+        value = entry.value
+        held = value.float_list.value or value.int64_list.value or value.bytes_list.value
+        found[entry.key] = np.array(list(held))
+    return found if "state/id" in found else None
+
+
+def _read_example_tracks(tensors: _Tensors, name: str) -> SampledRecording:
+    """The tracks of a tf.Example record.
+
+    Raises:
+        InputError: a tensor is missing, or not of the size that the dataset has.
+    """
+    objects = len(tensors["state/id"])
+    states = {each: _join(tensors, each, objects, name) for each in STATES}
+    found: list[tuple[str, AgentSamples | None]] = []
+    for k, number in enumerate(tensors["state/id"]):
+        valid = states["valid"][k] > 0
+        if not valid.any():
+            continue
+        kind = int(_get(tensors, "state/type", objects, name)[k])
+        agent, subtype = None, _TYPES.get(kind)
+        if subtype is not None:
+            here = {each: values[k][valid] for each, values in states.items()}
+            sizes = (round(float(np.median(here[each])), 4) for each in ("length", "width"))
+            agent = AgentSamples(
+                f"{number:.0f}", subtype, (here["timestamp_micros"] * 1e-6).round(4),
+                np.stack([here["x"], here["y"]], axis=1), here["bbox_yaw"],
+                *(size if size > 0 else None for size in sizes),
+            )  # fmt: skip
+        found.append((f"type {kind}", agent))
+    title = tensors.get("scenario/id", np.array([b""]))[0]
+    return sort_out(title.decode(errors="replace") if isinstance(title, bytes) else "", found)
+
+
+def _get(tensors: _Tensors, key: str, size: int, name: str) -> np.ndarray[Any, Any]:
+    values = tensors.get(key)
+    if values is None or len(values) != size:
+        held = "is missing" if values is None else f"has {len(values)} values, not {size}"
+        raise InputError(f"{name}: {key} {held}")
+    return values
+
+
+def _join(tensors: _Tensors, state: str, objects: int, name: str) -> np.ndarray[Any, Any]:
+    """[objects, 91] a state from the past to the future; a part that is left out is invalid."""
+    parts = []
+    for part, span in PARTS.items():
+        count = span.stop - span.start
+        if f"state/{part}/valid" not in tensors:
+            parts.append(np.zeros((objects, count)))
+            continue
+        values = _get(tensors, f"state/{part}/{state}", objects * count, name)
+        parts.append(values.reshape(objects, count).astype(np.float64))
+    return np.concatenate(parts, axis=1)
+
+
+_POLYNOMIAL = 0x82F63B78
+_MASK = 0xA282EAD8
+_TABLE: NDArray[np.uint32] = np.arange(256, dtype=np.uint32)
+"""[256] remainders by byte."""
+for _ in range(8):
+    _TABLE = np.where(_TABLE & 1, (_TABLE >> 1) ^ np.uint32(_POLYNOMIAL), _TABLE >> 1)
+
+
+def write_records(records: Iterable[bytes]) -> bytes:
+    """The records as the content of a TFRecord file."""
+    parts: list[bytes] = []
+    for record in records:
+        for part in (struct.pack("<Q", len(record)), record):
+            parts += [part, struct.pack("<I", compute_masked_crc(part))]
+    return b"".join(parts)
+
+
+def read_records(data: bytes, *, name: str) -> Iterator[bytes]:
+    """The records of a TFRecord file.
+
+    Raises:
+        InputError: cut off, or a checksum does not hold.
+    """
+    at, number = 0, 0
+    while at < len(data):
+        head, at = data[at : at + 12], at + 12
+        if len(head) < 12 or struct.unpack("<I", head[8:])[0] != compute_masked_crc(head[:8]):
+            raise InputError(f"{name}, record {number}: no TFRecord, or damaged")
+        (length,) = struct.unpack("<Q", head[:8])
+        record, tail = data[at : at + length], data[at + length : at + length + 4]
+        if len(record) < length or len(tail) < 4:
+            raise InputError(f"{name}, record {number}: the file is cut off")
+        if struct.unpack("<I", tail)[0] != compute_masked_crc(record):
+            raise InputError(f"{name}, record {number}: its checksum does not hold")
+        yield record
+        at, number = at + length + 4, number + 1
+
+
+def compute_masked_crc(data: bytes) -> int:
+    """CRC32C of the bytes (Castagnoli), rotated and shifted as TFRecord has it."""
+    crc = int(_compute_crc32c(_TABLE, np.frombuffer(data, np.uint8)))
+    return ((crc >> 15 | crc << 17) + _MASK) & 0xFFFFFFFF
+
+
+@compiled
+def _compute_crc32c(table: NDArray[np.uint32], data: NDArray[np.uint8]) -> int:
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc = table[(crc ^ byte) & 0xFF] ^ (crc >> 8)
+    return crc ^ 0xFFFFFFFF

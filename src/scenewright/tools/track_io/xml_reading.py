@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -19,10 +20,7 @@ def parse_xml(data: bytes, *, name: str) -> ElementTree.Element:
         InputError: not well-formed, nested too deeply, or with a document type or entities, which
             no format of tracks needs and which can be made to blow up.
     """
-    builder, parser, depth = ElementTree.TreeBuilder(), expat.ParserCreate(), 0
-
-    def refuse(*_: object) -> NoReturn:
-        raise InputError(f"{name} declares a document type or entities; no file of tracks does")
+    builder, depth = ElementTree.TreeBuilder(), 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
@@ -36,16 +34,25 @@ def parse_xml(data: bytes, *, name: str) -> ElementTree.Element:
         depth -= 1
         builder.end(tag)
 
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = builder.data
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
+    walk_xml(data, name=name, StartElementHandler=start, EndElementHandler=end,
+             CharacterDataHandler=builder.data)  # fmt: skip
+    return builder.close()
+
+
+def walk_xml(data: bytes, *, name: str, **handlers: Callable[..., object]) -> None:
+    """Call the handlers of expat as elements come; raises as `parse_xml`, but for the depth."""
+
+    def refuse(*_: object) -> NoReturn:
+        raise InputError(f"{name} declares a document type or entities; no file of tracks does")
+
+    parser = expat.ParserCreate()
+    refused = {"StartDoctypeDeclHandler": refuse, "EntityDeclHandler": refuse}
+    for key, handler in (handlers | refused).items():
+        setattr(parser, key, handler)
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise InputError(f"{name}, line {error.lineno}: not well-formed XML") from error
-    return builder.close()
 
 
 def parse_number(text: str | None, *, name: str, what: str) -> float:
