@@ -10,7 +10,6 @@ from scenewright.backends.builtin.entail import fill_entailed
 from scenewright.backends.builtin.impacts import Impacts
 from scenewright.backends.builtin.orders import pass_order_on, settle_orders
 from scenewright.backends.builtin.phrases import assign_agents
-from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.scope import build_nothing_planned
 from scenewright.backends.builtin.ties import list_ties, name_turns_across
 from scenewright.scene.base import AgentClass
@@ -158,7 +157,7 @@ def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:
 
 def make_node(agent: AgentDraft, name: str) -> AgentNode:
     """The vertex of a draft."""
-    subtype = narrow_subtype(agent.subtype, agent.head) if agent.type == "vehicle" else None
+    subtype = agent.subtype if agent.type == "vehicle" else None
     return AgentNode.model_validate(
         {
             "id": name,

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.named import Named, Way
-from scenewright.backends.builtin.reader.words import COARSE, WORDS, narrow_subtype
+from scenewright.backends.builtin.reader.words import COARSE, WORDS
 from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
 from scenewright.scene.track import VEHICLE_SIZES
@@ -165,8 +165,8 @@ def read_choice(words: str, ask: Clarification) -> Choice | None:
 def _is_alike(agent: AgentView, named: Named) -> bool:
     if agent.type != named.type:
         return False
-    kind = narrow_subtype(named.subtype, named.head)
-    return kind not in VEHICLE_SIZES or kind in (agent.subtype, COARSE.get(agent.subtype or ""))
+    kinds = (agent.subtype, COARSE.get(agent.subtype or ""))
+    return named.subtype not in VEHICLE_SIZES or named.subtype in kinds
 
 
 def _is_as_described(agent: AgentView, way: Way) -> bool:

@@ -16,7 +16,7 @@ from scenewright.backends.builtin.named import Named, find_named, find_ways
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.order_edits import read_order
 from scenewright.backends.builtin.reader.measures import measure_in
-from scenewright.backends.builtin.reader.words import WORDS, compile_words, narrow_subtype
+from scenewright.backends.builtin.reader.words import WORDS, compile_words
 from scenewright.backends.builtin.redraft import free_name, read_change
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.spelling import mend_spelling
@@ -362,7 +362,7 @@ _BY_NAME = {*VEHICLE_SIZES, *RIDERS} - {"car"}
 def _get_kind(named: Named) -> str | None:
     if named.type in RIDERS:
         return named.type
-    return narrow_subtype(named.subtype, named.head)
+    return named.subtype
 
 
 def _count_background(situation: Situation) -> dict[str, int]:

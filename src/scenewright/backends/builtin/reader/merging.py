@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import WORDS, compile_words, find_subtype
+from scenewright.backends.builtin.reader.words import WORDS, compile_words, find_nouns, find_subtype
 
 _SPEAKER = re.compile(r"^(?:i|me|we|us|myself)$", re.IGNORECASE)
 _OWN = re.compile(r"^(?:my|our) [\w -]+$", re.IGNORECASE)
@@ -51,7 +51,7 @@ def merge_mentions(reading: Reading) -> Reading:
     """
     reading = _drop_function_words(reading)
     reading = replace(reading, spans=tuple(_read_axes(reading)))
-    reading = replace(reading, spans=tuple(map(_let_walk, reading.spans)))
+    reading = replace(reading, spans=tuple(map(_correct_class, reading.spans)))
     reading = replace(reading, spans=tuple(_let_ride(span, reading) for span in reading.spans))
     for at, span in enumerate(reading.spans):
         if span.tag == "ref" and len(span.subjects) == 1 and _ANOTHER.search(span.words):
@@ -97,11 +97,16 @@ def _read_axes(reading: Reading) -> Iterator[ReadSpan]:
             yield span
 
 
-def _let_walk(span: ReadSpan) -> ReadSpan:
-    """The mention as one of a pedestrian where its noun can be nothing else."""
-    if span.tag == "veh" and _WALKER.search(span.words) and find_subtype(span.words) is None:
-        return replace(span, tag="ped", confidence=max(span.confidence, _SURELY))
-    return span
+def _correct_class(span: ReadSpan) -> ReadSpan:
+    """The mention as one of a pedestrian or rider where its noun can be nothing else."""
+    kinds = {noun.kind for noun in find_nouns(span.words)} if span.tag == "veh" else set()
+    walks = "ped" if _WALKER.search(span.words) and "vehicle" not in kinds else None
+    tag = walks or _RIDERS.get("".join(kinds))
+    sure = max(span.confidence, _SURELY)
+    return replace(span, tag=tag, confidence=sure) if span.tag == "veh" and tag else span
+
+
+_RIDERS = {"cyclist": "cyc", "scooter": "scoot"}
 
 
 def _let_ride(span: ReadSpan, reading: Reading) -> ReadSpan:
