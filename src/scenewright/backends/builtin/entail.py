@@ -16,8 +16,9 @@ from scenewright.backends.builtin.draft import (
     RelationDraft,
     Site,
 )
-from scenewright.scene.base import OPPOSITE
+from scenewright.scene.base import OPPOSITE, AgentClass
 from scenewright.scene.kinds import has_trait
+from scenewright.scene.relations import load_patterns
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {exit_: entry for entry, exit_ in LEFT.items()}
@@ -248,6 +249,31 @@ def _check_possible(relation: RelationDraft, site: Site) -> None:
                 "vehicles or just a collision.",
             )
         relation.kind = None
+    if relation.type == "collide_at" and relation.kind is not None:
+        kinds = _list_collision_kinds(first.type, second.type)
+        if relation.kind not in kinds:
+            raise Refused(
+                "impossible",
+                f"A {first.type} and a {second.type} cannot collide {_name_kind(relation.kind)} "
+                f"here, only {' or '.join(map(_name_kind, kinds))}; choose one of these, or leave "
+                "it open.",
+            )
+
+
+def _name_kind(kind: str) -> str:
+    return f"as {kind.replace('_', ' ')}"
+
+
+def _list_collision_kinds(*pair: AgentClass) -> list[str]:
+    """The kinds of collisions that relation files have of two classes."""
+    found = (
+        pattern.kind
+        for pattern in load_patterns()
+        if pattern.relation == "collide_at" and pattern.kind is not None
+        for one, two in (pair, pair[::-1])
+        if pattern.from_.admits(one) and pattern.to.admits(two)
+    )
+    return list(dict.fromkeys(found))
 
 
 def _check_crosswalk(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:

@@ -175,14 +175,14 @@ def _offer(learned: LearnedPlan, site: Site) -> Refusal:
     words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
     words = f"'{passed[0]}' says" if passed else words
     hint = f"{_OFFERS}{' or '.join(repr(each) for each in offers)}?" if offers else ""
+    unmade = [s for s in getattr(learned.plan, "said", ()) if s.became == "nothing" and s.note]
     if isinstance(learned.plan, Refusal) and not passed:
         reason = learned.plan.reason + hint
         return Refusal(code=learned.plan.code, reason=reason, did_you_mean=offers)
-    return Refusal(
-        code="out_of_scope",
-        reason=f"It is not clear what {words}; say it in other words.{hint}",
-        did_you_mean=offers,
-    )
+    reason = f"It is not clear what {words}; say it in other words."
+    if unmade and not passed:
+        reason = f"'{unmade[0].words}' cannot be part of a scene: {unmade[0].note}."
+    return Refusal(code="out_of_scope", reason=reason + hint, did_you_mean=offers)
 
 
 def _list_sentences(learned: LearnedPlan, site: Site) -> Iterator[str]:

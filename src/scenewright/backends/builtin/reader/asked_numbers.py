@@ -123,7 +123,7 @@ def read_number(
 
 def says_pace(span: ReadSpan) -> bool:
     """Whether the words ask for a fast or a slow agent: "speeding", "a slow van"."""
-    if span.tag not in ("pace", "follow", *MENTIONS):
+    if span.tag not in ("pace", "follow", "red", "left", "right", "straight", *MENTIONS):
         return False
     return not span.negated and bool(_FAST.search(span.words)) != bool(_SLOW.search(span.words))
 

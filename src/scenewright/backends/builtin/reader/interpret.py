@@ -85,7 +85,7 @@ _TOO_LATE = compile_words("interpret.too_late")
 _ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
 _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
 _HERE = compile_words("interpret.here")
-"""Words of a place that are the junction itself."""
+"""Words of a place that are the junction itself, or say where people are on their way to."""
 _SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
 """What stands right before "impact" where that only says when."""
 _STOPS = re.compile(r"\b(?:stop|halt|wait)|\bpulls? up\b", re.IGNORECASE)
@@ -462,7 +462,9 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
         return
     if span.tag == "act" and _is_close_overtake(result, span):
         return
-    if span.tag == "sight" and not _VIEW.search(span.words):
+    if (span.tag == "act" and _HERE.search(span.words)) or (
+        span.tag == "sight" and not _VIEW.search(span.words)
+    ):
         result.enter(span, "manner", span.subjects)  # "overlooks", "does not see"
         return
     if _SIREN.search(result.text[max(0, span.start - 12) : span.end + 12]) and any(
@@ -1181,6 +1183,9 @@ def _settle(result: Interpretation) -> None:
     if threatened and not draft.relations and len(draft.agents) == 2:
         first, second = draft.agents
         draft.relations.append(RelationDraft("near_miss", first, second))
+    if any(s.value == "opp" and _HEAD_ON.fullmatch(s.words) for s in result.spans):
+        for edge in (e for e in draft.relations if e.type == "collide_at"):
+            edge.kind = edge.kind or find_marked("collision", "head")
     settle_lead_braking(result)
     settle_lanes(result)
     for agent in map(result.users.get, result.braking):
