@@ -479,7 +479,8 @@ def _read_overtaking(result: Interpretation) -> None:
         agents[1].rides and agents[1].drives
     ):
         return
-    text = " ".join(s.words for s in result.spans if s.tag == "near") if relations else result.text
+    said = " ".join(s.words for s in result.spans if s.tag in ("near", "act"))
+    text = said if relations else result.text
     near = [measure_in(s.words) for s in result.numbers if s.tag in ("gap", "dist")]
     within = any(each and each.unit == "m" and each.value < _CLOSE_CLEARANCE for each in near)
     edge = RelationDraft("near_miss", agents[0], agents[1]) if not result.eventful else None
