@@ -29,7 +29,6 @@ _STOPS = re.compile(r"\b(?:stop|brake|halt)\w*\b", re.IGNORECASE)
 
 _CLOSE_UP = compile_words("manoeuvres.close_up")
 _LANE_CHANGE = compile_words("manoeuvres.lane_change")
-_SWERVES = re.compile(r"(?:swerv|mov|drift|pull|cut)\w*(?: over| across)?$", re.IGNORECASE)
 _NEAR = 45
 """Characters behind the words of a follow in which it may be said that it is a close one."""
 
@@ -82,14 +81,10 @@ def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
     """ "Turns right on red" is a turn, and a red light that is run."""
     for match in _RIGHT_ON_RED.finditer(reading.text):
         owner = _find_owner(spans, match, drives=True)
-        if owner is not None and not any(
-            s.tag == "red" and _is_overlapping(s, match) for s in spans
-        ):
-            start, end = match.span("red")
-            added = ReadSpan(
-                start, end, match["red"], "red", None, False, None, (owner,), (), _KNOWN
-            )
-            spans.append(added)
+        marked = any(s.tag == "red" and _is_overlapping(s, match) for s in spans)
+        if owner is not None and not marked:
+            place = (*match.span("red"), match["red"], "red", None)
+            spans.append(ReadSpan(*place, False, None, (owner,), (), _KNOWN))
 
 
 def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
@@ -151,13 +146,9 @@ def _correct_span(span: ReadSpan, *, driving: bool) -> ReadSpan:
     sure = max(span.confidence, _KNOWN)
     if span.tag == "place" and _LANE_CHANGE.search(span.words):
         return replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
-    if span.tag == "act" and _LANE_CHANGE.search(span.words):
-        return replace(span, confidence=sure)
-    if span.tag == "follow" and _CLOSE_UP.search(span.words):
-        return replace(span, confidence=sure)
     if span.tag not in ("hit", "near", "yield", "follow") or not driving:
         return span
-    if is_stopping_in_time(span):
+    if _IN_TIME.search(span.words) and not _NARROWLY.search(span.words):
         known = replace(span, negated=False, confidence=sure)
         if _CANNOT.search(span.words):
             return replace(known, tag="hit", value="rear")
@@ -181,11 +172,6 @@ def _read_corner(reading: Reading, spans: list[ReadSpan]) -> None:
         spans.append(ReadSpan(start, end, match[0], "place", None, False, None, (), (), _KNOWN))
 
 
-def is_stopping_in_time(span: ReadSpan) -> bool:
-    """Whether the words say that a vehicle stops in time, with nothing that makes it narrow."""
-    return bool(_IN_TIME.search(span.words)) and not _NARROWLY.search(span.words)
-
-
 def settle_lanes(result: Interpretation) -> None:
     """Following close up, and lane changes, are manoeuvres of the relations that they belong to."""
     for n, entry in enumerate(result.entries):
@@ -202,21 +188,6 @@ def settle_lanes(result: Interpretation) -> None:
             if edge_ is not None and entry.became == "nothing":
                 known = replace(entry, became="manoeuvre", value=edge_.manoeuvre)
                 result.entries[n] = replace(known, note=None)
-    _take_in_swerves(result)
-
-
-def _take_in_swerves(result: Interpretation) -> None:
-    """ "Swerves" beside words for a lane change says the same."""
-    for n, entry in enumerate(result.entries):
-        agents = result.list_agents(entry.users)
-        changes = [
-            edge.manoeuvre
-            for edge in result.draft.relations
-            if edge.manoeuvre in {_find_change(edge)} - {None} and agents[:1] == [edge.from_]
-        ]
-        if changes and entry.became == "nothing" and _SWERVES.match(entry.span.words):
-            known = replace(entry, became="manoeuvre", value=changes[0])
-            result.entries[n] = replace(known, note=None)
 
 
 def _find_change(edge: RelationDraft) -> str | None:
