@@ -194,13 +194,6 @@ def _change_pace(found: re.Match[str], talk: Talk) -> Reading | None:
     return make_edits(SetPace(agent=node.id, factor=strong if very else _SLOW if slower else _FAST))
 
 
-def _run(found: re.Match[str], talk: Talk) -> Reading | None:
-    node = talk.find(found["who"])
-    if node is None or node.type != "pedestrian" or node.motion == "runs":
-        return None
-    return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update={"motion": "runs"})))
-
-
 def _change_reaction(found: re.Match[str], talk: Talk) -> Reading | None:
     """The agent of a collision or a near miss that does not react to it, or reacts after all."""
     node, groups = talk.find(found["who"]), found.groupdict()
@@ -351,33 +344,14 @@ def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
     return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *related)
 
 
-def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
-    groups = found.groupdict()
-    kind = CLASSES[groups["what"]][0]
-    node = AgentNode.model_validate(
-        {"id": choose_id(kind, talk), "type": kind, "entry": groups.get("entry"),
-         "exit": groups.get("exit")}
-    )  # fmt: skip
-    if not groups.get("who"):
-        return make_edits(AddAgent(node=node))
-    ahead = talk.find(groups["who"])
-    if ahead is None:
-        return None
-    edge = RelationEdge.model_validate({"type": "follow", "from": node.id, "to": ahead.id})
-    return make_edits(AddAgent(node=node), Relate(edge=edge))
-
-
-def _say(reason: str) -> _Rule:
-    """The rule for what no scene has."""
-    return lambda _found, _talk: decline(reason)
-
-
 _BY_NAME: dict[str, _Rule] = {
-    "weather": _say(WEATHER), "length": _say(LENGTH), "pace": _change_pace, "run": _run,
-    "reaction": _change_reaction, "remove": _remove, "become": _become, "reverse": _reverse,
-    "no_subject": _say('Say who does that, such as "the car from the west follows the bus".'),
+    "pace": _change_pace, "reaction": _change_reaction, "remove": _remove,
+    "become": _become, "reverse": _reverse,
+    "no_subject": lambda _found, _talk: decline(
+        'Say who does that, such as "the car from the west follows the bus".'
+    ),
     "time": _shift_event, "wait": _wait, "numbers": _change_numbers, "gap": _change_gap,
-    "impact": _change_impact, "rider": _add_rider,
+    "impact": _change_impact,
 }  # fmt: skip
 _RULES = [
     (re.compile(fill_in(form)), _BY_NAME[name]) for name, form in WORDS["everyday_words"]["rules"]
