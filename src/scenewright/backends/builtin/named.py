@@ -152,5 +152,6 @@ CLASSES: dict[str, tuple[AgentClass, str | None]] = {
     noun: (kind, subtype)
     for noun in VOCABULARY["everyday"]
     for kind, subtype, _ in (load_nouns()[noun.replace("-", " ")],)
+    if kind != "none"
 }
 """Everyday noun -> class and subtype."""

@@ -31,10 +31,9 @@ _TOGETHER = compile_words("groups.together")
 def join_groups(reading: Reading) -> Reading:
     """The reading with pedestrians that walk together as one road user."""
     for span in reading.spans:
-        if span.tag == "ped" and not span.negated:
-            count = _count_members(span, reading.text)
-            if count is not None and 2 <= count <= MOST_MEMBERS:
-                reading = _join(reading, span, count)
+        count = _count_members(span, reading.text) if span.tag == "ped" else None
+        if count is not None and 2 <= count <= MOST_MEMBERS and not span.negated:
+            reading = _join(reading, span, count)
     return reading
 
 

@@ -84,8 +84,6 @@ _NOT_ONE = re.compile(r"\bnot (?:a|an|one|any)\b|\bn't (?:a|any)\b", re.IGNORECA
 _TOO_LATE = compile_words("interpret.too_late")
 _ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
 _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
-_HERE = compile_words("interpret.here")
-"""Words of a place that are the junction itself, or say where people are on their way to."""
 _SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
 """What stands right before "impact" where that only says when."""
 _STOPS = re.compile(r"\b(?:stop|halt|wait)|\bpulls? up\b", re.IGNORECASE)
@@ -419,9 +417,6 @@ def _settle_places(result: Interpretation) -> None:
         if pattern.zone == "sidewalk" and any(e.type == pattern.relation for e in walking)
     }
     for span in result.places:
-        if _HERE.search(span.words):
-            result.enter(span, "manner")
-            continue
         if not known or not _CORNER.search(span.words):
             raise Refused(
                 "out_of_scope",
@@ -443,9 +438,7 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
         _brake(result, span)
         return
-    if (span.tag == "act" and _HERE.search(span.words)) or (
-        span.tag == "sight" and not _VIEW.search(span.words)
-    ):
+    if span.tag == "sight" and not _VIEW.search(span.words):
         result.enter(span, "manner", span.subjects)  # "overlooks", "does not see"
         return
     if _SIREN.search(result.text[max(0, span.start - 12) : span.end + 12]) and any(

@@ -40,6 +40,9 @@ _PASSIVE_REAR = compile_words("manoeuvres.passive_rear")
 _FOR = re.compile(r"^ (?:for|to let) $", re.IGNORECASE)
 _CANNOT = compile_words("manoeuvres.cannot")
 _CORNER = re.compile(r"\b(?:at|on) (?:the|a) (?:street )?corner\b", re.IGNORECASE)
+_HERE = compile_words("manoeuvres.here")
+"""Words of a place that are the junction itself, or say where people are on their way to."""
+
 _TURNS = re.compile(r"(?:turn\w*|veer\w*|going|heading|bear\w*|swing\w*) $", re.IGNORECASE)
 _ADVERB = re.compile(r"(?:\w+ly|just|almost)\b", re.IGNORECASE)
 """Words for a near miss that stand on their own: the word before them is no part of them."""
@@ -144,6 +147,8 @@ def _is_overlapping(span: ReadSpan, match: re.Match[str]) -> bool:
 
 def _correct_span(span: ReadSpan, *, driving: bool) -> ReadSpan:
     sure = max(span.confidence, _KNOWN)
+    if span.tag in ("place", "act") and _HERE.search(span.words):
+        return replace(span, tag="manner")
     if span.tag == "place" and _LANE_CHANGE.search(span.words):
         return replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
     if span.tag not in ("hit", "near", "yield", "follow") or not driving:
