@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import re
 
-import pytest
-
 from scenewright.backends.builtin.planner import LONGEST_OFFER, MOST_OFFERS, plan
 from scenewright.evals.planning import load
-from scenewright.scene.phrasing import describe_graph
-from scenewright.scene.social import Refusal, SocialGraph
+from scenewright.scene.social import Refusal
 
 ROWS = load("voices")[::3]
-LONG = (
-    "A lorry from the north, turning right, waits at half past nine for a cyclist from the south "
-    "going straight and for a girl, or was it a boy, on the west crosswalk, the girl first"
-)
 
 
 def test_offers_are_few_and_short_and_keep_what_happens() -> None:
@@ -32,13 +25,3 @@ def test_offers_are_few_and_short_and_keep_what_happens() -> None:
             assert not (crashes and "Nothing happens" in offer), row["text"]
             assert "U-turn" not in offer or re.search("turn|round", row["text"], re.I), row["text"]
     assert len(made) > 20
-
-
-@pytest.mark.parametrize(
-    "text", ["Some idiot made a U-turn right in front of the 42 and I clipped his bumper.", LONG]
-)
-def test_an_offer_is_understood(text: str) -> None:
-    refused = plan(text)
-    assert isinstance(refused, Refusal), describe_graph(refused)
-    for offer in refused.did_you_mean:
-        assert isinstance(plan(offer), SocialGraph)
