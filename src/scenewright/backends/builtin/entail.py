@@ -119,7 +119,10 @@ def _fill_relatives(agent: AgentDraft, draft: Draft) -> None:
         if other.entry is None and word in {"opposite", "mutual"} and agent.entry is not None:
             other.entry = OPPOSITE[agent.entry]
         if agent.entry is None and other.entry is not None:
-            agent.entry = _compute_relative_entry(word, other.entry)
+            heading = OPPOSITE[other.entry]
+            left = LEFT_OF_HEADING.get(heading)
+            sides = {"of_left": left, "of_right": OPPOSITE.get(left or ""), "same": other.entry}
+            agent.entry = {**sides, "opposite": heading, "mutual": heading}.get(word)
         elif agent.entry is not None and other.entry is None and word == "same":
             other.entry = agent.entry
         elif agent.entry == other.entry is not None and word == "opposite" and agent.drives:
@@ -143,13 +146,6 @@ def _meet_on_crosswalk(relation: RelationDraft) -> None:
             agent.crosswalk = other.crosswalk
 
 
-def _compute_relative_entry(word: str, entry: str) -> str | None:
-    heading = OPPOSITE[entry]
-    left = LEFT_OF_HEADING.get(heading)
-    sides = {"of_left": left, "of_right": OPPOSITE.get(left or ""), "same": entry}
-    return {**sides, "opposite": heading, "mutual": heading}.get(word)
-
-
 def find_partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
     """The vehicle that the agent has to do with, else the only other one."""
     bound = [
@@ -170,7 +166,10 @@ def _check_shared_lane(relation: RelationDraft, site: Site) -> None:
     if not lane or not (first.drives and second.drives):
         return
     if first.entry and second.entry and first.entry != second.entry:
-        if _merge(first, second) or not site.compass:
+        # From two legs one can still end up behind the other on a common exit.
+        exits = {agent.exit or OPPOSITE.get(str(agent.entry)) for agent in (first, second)}
+        turned = {first.movement, second.movement} & {"left", "right"}
+        if not site.compass or (turned and len(exits) == 1):
             return
         raise Refused(
             "contradictory",
@@ -178,13 +177,6 @@ def _check_shared_lane(relation: RelationDraft, site: Site) -> None:
             f"{second.entry}; give them one entry.",
         )
     first.entry = second.entry = first.entry or second.entry
-
-
-def _merge(first: AgentDraft, second: AgentDraft) -> bool:
-    """From two legs one can still end up behind the other on a common exit."""
-    exits = [agent.exit or OPPOSITE.get(str(agent.entry)) for agent in (first, second)]
-    turned = {first.movement, second.movement} & {"left", "right"}
-    return bool(turned) and exits[0] == exits[1]
 
 
 _TURN_CRASHES = {"left_turn": "left", "right_turn": "right"}
