@@ -93,8 +93,13 @@ class Talk:
         named = self.list_named()
         if words in {each.id for each in named}:
             return self.situation.graph.agent(words)
-        if words in ("other one", "that one"):
-            return self._find_other() if words == "other one" else (named[0] if named else None)
+        if words == "other one":  # of two that were spoken of, the one that was not meant last
+            last = next((each for each in named if each.id in self.touched), None)
+            rest = [each for each in named if last is not None and each.id != last.id]
+            alike = [each for each in rest if last is not None and each.type == last.type]
+            return rest[0] if len(rest) == 1 else alike[0] if len(alike) == 1 else None
+        if words == "that one":
+            return named[0] if named else None
         other = words.startswith("other ")
         if words in ("him", "her", "he", "she"):
             found = [each for each in named if each.type != "vehicle"] or named
@@ -116,16 +121,6 @@ class Talk:
         if len(found) == 1 or (spoken and words in _PRONOUNS):
             return found[0]
         return None
-
-    def _find_other(self) -> AgentNode | None:
-        """Of two that were spoken of or take part, the one that was not meant last."""
-        named = self.list_named()
-        last = next((each for each in named if each.id in self.touched), None)
-        if last is None:
-            return None
-        rest = [each for each in named if each.id != last.id]
-        alike = [each for each in rest if each.type == last.type]
-        return rest[0] if len(rest) == 1 else alike[0] if len(alike) == 1 else None
 
 
 _PRONOUNS = ("him", "her", "he", "she", "it", "that", "them", "they")
