@@ -224,7 +224,9 @@ def _shorten(sentences: str) -> str:
         found = _INTRODUCES.fullmatch(each)
         if found is not None and found["does"] != "jaywalks":
             verb, _, rest = (found["does"] or "").partition(" ")
-            own = (found["from"], _DOING.get(verb), rest, (found["where"] or "").strip())
+            where = (found["where"] or "").strip()
+            doing = None if where.startswith("on ") else _DOING.get(verb)
+            own = (found["from"], doing, rest, where)
             who = found["who"][:1].lower() + found["who"][1:]
             about[re.sub("^an? ", "the ", who)] = " ".join((who, *filter(None, own)))
             continue
@@ -232,7 +234,7 @@ def _shorten(sentences: str) -> str:
         for name in [n for n in about if re.search(rf"\b{n}\b", event, re.IGNORECASE)]:
             event = re.sub(rf"\b{name}\b", about.pop(name), event, count=1, flags=re.IGNORECASE)
         told.append(event[:1].upper() + event[1:])
-    return ". ".join((*(f"There is {each}" for each in about.values()), *told)) + "."
+    return ". ".join((*told, *(f"There is {each}" for each in about.values()))) + "."
 
 
 _DOUBTFUL_SPANS = 2
