@@ -33,7 +33,6 @@ from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.orders import has_order_words
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.streets import find_named_legs, is_street_like
 from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
 from scenewright.backends.builtin.reader.words import (
     compile_words,
@@ -132,9 +131,9 @@ class Interpretation:
     Attributes:
         braking: agents that brake hard; dodging: whether one swerves or jumps aside, which is all
             that is said of an event; times: spans that say the time of day; first: those that
-            say which agent passes first; behind: those that say this or which one follows; roads:
-            those that name a street; places: those that name another place; absent: those that say
-            that a class is not in the scene at all.
+            say which agent passes first; behind: those that say this or which one follows; places:
+            those that name another place; absent: those that say that a class is not in the scene
+            at all.
         eventful: whether the text names any event.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time; settling: whether all spans have been read.
@@ -150,7 +149,6 @@ class Interpretation:
     times: list[ReadSpan] = field(default_factory=list)
     first: list[ReadSpan] = field(default_factory=list)
     behind: list[ReadSpan] = field(default_factory=list)
-    roads: list[ReadSpan] = field(default_factory=list)
     absent: list[ReadSpan] = field(default_factory=list)
     numbers: list[ReadSpan] = field(default_factory=list)
     lanes: list[ReadSpan] = field(default_factory=list)
@@ -562,42 +560,40 @@ def _place(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _get_leg(result: Interpretation, span: ReadSpan) -> str | None:
-    """The leg that a span names, by its street or by the compass; None where that is left open.
+    """The leg that a span names by the compass; None where that is left open.
+
+    Names of streets of the map are put as compass names before a text is read.
 
     Raises:
         Refused: a street that no leg of the map bears.
     """
-    roads = result.draft.site.roads
-    named = find_named_legs(span.words, roads)
-    if len(named) == 1:
-        return named[0]
-    if not named and roads and is_street_like(span.words):
+    street, roads = _is_street_like(span.words), result.draft.site.roads
+    if street and roads:
         known = ", ".join(dict.fromkeys(road for _, road in roads))
         raise Refused(
             "impossible", f"No leg here is called '{span.words}'; the streets are {known}."
         )
-    side = None if named or is_street_like(span.words) else get_side(span)
+    side = None if street else get_side(span)
     if side is None:
-        note = "several legs bear this name; say which side" if named else "no leg has this name"
-        result.enter(span, "nothing", span.subjects, note=note)
+        result.enter(span, "nothing", span.subjects, note="no leg has this name")
     return side
 
 
-def _read_roads(result: Interpretation) -> None:
-    """ "On Amsterdam Avenue", once all sides are known; of one leg, it is where agents are from."""
-    for span in result.roads:
-        named = find_named_legs(span.words, result.draft.site.roads)
-        agents = result.list_agents(span.subjects)
-        lies_there = any(agent.entry in named or agent.crosswalk in named for agent in agents)
-        if lies_there or (not named and not is_street_like(span.words)):
-            result.enter(span, "road", span.subjects)
-        elif len(named) == 1 and all(agent.entry is None for agent in agents):
-            for agent in agents:
-                agent.entry = named[0]
-            result.enter(span, "entry", span.subjects, named[0])
-        else:
-            _get_leg(result, span)
-    result.roads = []
+def _is_street_like(words: str) -> bool:
+    """Whether some words are the name of a street: "Elm Road", not "the road"."""
+    return _STREET.search(words) is not None and _BARE_ROAD.match(words.strip()) is None
+
+
+_STREET = compile_words("streets.named")
+_BARE_ROAD = compile_words("streets.bare_road")
+
+
+def _read_road(result: Interpretation, span: ReadSpan) -> None:
+    """ "On the main road", "on Elm Road"."""
+    if _is_street_like(span.words):
+        _get_leg(result, span)
+    else:
+        result.enter(span, "road", span.subjects)
 
 
 def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
@@ -1064,7 +1060,6 @@ def _has_figure(result: Interpretation, span: ReadSpan) -> bool:
 
 def _settle(result: Interpretation) -> None:
     """Braking becomes a cause, and what is denied is held against what is said."""
-    _read_roads(result)
     result.settling = True
     _read_behind(result)
     result.settling = False
@@ -1276,6 +1271,6 @@ _RULES: dict[str, Rule] = {
     "ref": _refer,
     "del": _note("retracted"),
     "light": _note("signals"),
-    "road": _keep("roads"),
+    "road": _read_road,
 }
 """What is done with a span, by its tag; all others are left out, and said to be."""
