@@ -53,7 +53,13 @@ class People:
             return None
         if named.phrase in self._chosen:
             return self._present.get(self._chosen[named.phrase])
-        return self._choose_one(self._list_fitting(named), named)
+        found = self._list_fitting(named)
+        if len(found) > 1:
+            raise Unclear(build_clarification(found, named.phrase))
+        if found or named.det == "bare":
+            return found[0] if found else None
+        here = ", ".join(map(describe_agent, self.list_foreground())) or "no foreground agent"
+        raise Refused("impossible", f"There is no {named.phrase} in this scene; there is {here}.")
 
     def find_by_id(self, text: str) -> AgentView | None:
         """The agent whose id stands in the text, such as vehicle-12.
@@ -102,19 +108,6 @@ class People:
         if len(narrowed) > 1 and after is not None and after.means in _RESTRICTS:
             narrowed = [each for each in narrowed if _is_as_described(each, after)] or narrowed
         return narrowed
-
-    def _choose_one(self, found: list[AgentView], named: Named) -> AgentView | None:
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise Unclear(build_clarification(found, named.phrase))
-        if named.det == "bare":
-            return None
-        here = (
-            ", ".join(describe_agent(each) for each in self.list_foreground())
-            or "no foreground agent"
-        )
-        raise Refused("impossible", f"There is no {named.phrase} in this scene; there is {here}.")
 
 
 def build_clarification(found: Sequence[AgentView], noun: str) -> Clarification:

@@ -191,7 +191,8 @@ def _read_part(
         return related
     made = _read_removal(text, plain, every, situation, people)
     made = made or (None if event else _read_count_change(plain, every, situation))
-    made = made or _read_figure(text, every, situation, people)
+    if not made and (figure := read_figure(text, situation, people, _find_subject(every, people))):
+        made = (figure,)  # a speed at which to drive is a dial
     made = made or _read_motion(text, every, people)
     made = made or (None if event else _read_kind(plain, every, situation, people))
     return made or read_change(text, every, situation, people, site=site)
@@ -201,14 +202,6 @@ def _has_figures(plain: str) -> bool:
     """Whether the words say how severe it shall be: those are for the reader."""
     measure = measure_in(plain)
     return measure is not None and (measure.unit == "m/s" or bool(_SEVERITY.search(plain)))
-
-
-def _read_figure(
-    text: str, every: Sequence[Named], situation: Situation, people: People
-) -> tuple[Edit, ...] | None:
-    """The figure that a clause asks for; a speed at which to drive is a dial."""
-    found = read_figure(text, situation, people, _find_subject(every, people))
-    return None if found is None else (found,)
 
 
 def _choose_events(plain: str, situation: Situation, people: People) -> tuple[Relate, ...] | None:
@@ -321,7 +314,9 @@ def _read_count_change(
         return None
     counts = _count_background(situation)
     for group in groups:
-        many = group.count or (_parse_vague(plain) if group.plural else 1)
+        vague = re.search(r"\b(a couple of|a few|some|several)\b", plain)
+        several = 3 if vague is None else int(number(vague[1]))
+        many = group.count or (several if group.plural else 1)
         counts[str(group.type)] += -many if fewer else many
     kinds = [str(each.type) for each in groups]
     for kind in kinds:
@@ -332,11 +327,6 @@ def _read_count_change(
             )
         counts[kind] = max(counts[kind], 0)
     return (_build_background_edit(counts, kinds),)
-
-
-def _parse_vague(plain: str) -> int:
-    found = re.search(r"\b(a couple of|a few|some|several)\b", plain)
-    return 3 if found is None else int(number(found[1]))
 
 
 def _read_kinds(groups: Sequence[Named], situation: Situation) -> tuple[Edit, ...]:
