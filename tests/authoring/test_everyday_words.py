@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 
 from scenewright.authoring.everyday_words import Talk, check_reading, read_everyday
+from scenewright.authoring.second_opinion import choose_reading
 from scenewright.authoring.turn_kind import classify_turn
+from scenewright.backends.offline import read
 from scenewright.scene.edits import (
     AddAgent,
     AgentView,
@@ -15,6 +17,7 @@ from scenewright.scene.edits import (
     DeclinedTurn,
     Edits,
     NewScene,
+    Reading,
     Relate,
     RemoveAgent,
     SetBackground,
@@ -128,20 +131,23 @@ def test_several_changes_in_one_line_are_all_read_or_none() -> None:
 
 @pytest.mark.parametrize("words", ["make it rain", "ok fine without rain", "in the snow"])
 def test_weather_is_explained_with_what_can_be_had(words: str) -> None:
-    reading = read_everyday(words, talk_of(CAR, WALKER))
+    def read_nothing(_words: str, _talk: Talk) -> Reading:
+        return DeclinedTurn(code="no_change", reason="unread")
+
+    talk = talk_of(CAR, WALKER)
+    reading = choose_reading(words, read_nothing(words, talk), talk, read_nothing)
     assert isinstance(reading, DeclinedTurn)
     assert "make it night" in reading.reason
 
 
 def test_a_rider_is_added_as_one() -> None:
-    reading = read_everyday(
-        "put a cyclist in from west to east that follows the car", talk_of(CAR, WALKER)
-    )
+    situation = talk_of(CAR, WALKER).situation
+    reading = read("add a cyclist from the north that follows the car", situation)
     assert isinstance(reading, Edits)
     added, related = reading.edits
     assert isinstance(added, AddAgent)
     assert isinstance(related, Relate)
-    assert (added.node.type, added.node.entry, related.edge.to) == ("cyclist", "west", "vehicle-1")
+    assert (added.node.type, added.node.entry, related.edge.to) == ("cyclist", "north", "vehicle-1")
 
 
 def test_a_reading_that_passes_over_what_the_words_say_is_refused() -> None:

@@ -41,7 +41,8 @@ from scenewright.nodes.scene_planner.reply import (
     find_similar_patterns,
 )
 from scenewright.nodes.waypoint_filter.reply import ClausesReply
-from scenewright.scene.social import Refusal, SocialGraph
+from scenewright.scene.social import MOST_AGENTS, Refusal, SocialGraph
+from scenewright.tools.map_grounding.grounding import can_ground
 from scripted import ScriptedModel
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -192,6 +193,33 @@ def fits(schema: dict[str, Any], value: Any) -> bool:
         case "string":
             return isinstance(value, str) and re.search(schema["pattern"], value) is not None
     return isinstance(value, int | float) and schema["minimum"] <= value <= schema["maximum"]
+
+
+def test_a_plan_may_have_as_many_agents_as_a_scene() -> None:
+    every = [f"vehicle-{n}" for n in range(1, 100)]
+    assert [each for each in every if re.match(ID, each)] == every[:MOST_AGENTS]
+    text = (NODES / "scene_planner" / "prompt.md").read_text("utf-8")
+    assert f"at most {MOST_AGENTS}, not the traffic" in text
+
+
+@pytest.mark.parametrize(
+    ("agents", "relations"),
+    [
+        (2, [{"type": "collide_at", "from": "pedestrian-1", "to": "pedestrian-2"}]),
+        (2, [{"type": "near_miss", "from": "pedestrian-1", "to": "pedestrian-2"}]),
+        (3, [{"type": "collide_at", "from": "vehicle-1", "to": "vehicle-2", "kind": "rear_end"},
+             {"type": "collide_at", "from": "vehicle-2", "to": "vehicle-3", "kind": "rear_end",
+              "manoeuvre": "pushed"}]),
+    ],
+)  # fmt: skip
+def test_the_map_serves_what_the_prompt_says_can_be(
+    agents: int, relations: list[dict[str, str]]
+) -> None:
+    kind = relations[0]["from"].partition("-")[0]
+    ids = [{"id": f"{kind}-{n}"} for n in range(1, agents + 1)]
+    plan = PlanReply.model_validate({"agents": ids, "relations": relations}).root
+    assert isinstance(plan, SocialGraph)
+    assert can_ground(plan, intersection_map=load_map("amsterdam_120"))
 
 
 def test_what_a_plan_is_not_asked_for_cannot_be_filled_in() -> None:

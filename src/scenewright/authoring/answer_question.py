@@ -71,19 +71,13 @@ def answer_question(
     """
     plain = " ".join(words.lower().rstrip(" ?.!").split())
     scene = _SceneFacts(record, proof, intersection_map, plain)
-    about, absent = _find_agents(plain, scene), _find_absent(plain, scene)
-    return [*absent, *_choose_answer(plain, topic)(scene, about)]
-
-
-def _choose_answer(plain: str, topic: str | None) -> _Answer:
-    if topic in _ANSWERS:
-        return _ANSWERS[topic]
-    for name, pattern in WORDS["answer_question"]["topics"]:
-        if re.search(rf"\b(?:{pattern})", plain):
-            return _ANSWERS[name]
+    answer = _say("The scene has no answer to that.", TOPICS)
     if set(re.findall(r"[a-z]+", plain)) <= {*_NOUNS, "the", "and", "a"}:
-        return _join(_describe_routes, _describe_speeds, _describe_lights)
-    return _say("The scene has no answer to that.", TOPICS)
+        answer = _join(_describe_routes, _describe_speeds, _describe_lights)
+    patterns = WORDS["answer_question"]["topics"] if topic not in _ANSWERS else ()
+    asked = (name for name, pattern in patterns if re.search(rf"\b(?:{pattern})", plain))
+    answer = _ANSWERS.get(next(asked, topic or ""), answer)
+    return [*_find_absent(plain, scene), *answer(scene, _find_agents(plain, scene))]
 
 
 def _find_agents(plain: str, scene: _SceneFacts) -> list[AgentRecord]:
@@ -429,11 +423,9 @@ def _find_fault(scene: _SceneFacts, event: Event) -> str:
 
 def _describe_danger(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
     kinds = {event.type for event in scene.proof.events}
-    first = (
-        "Yes: they collide." if "collision" in kinds
-        else "Yes: it is a near miss." if "near_miss" in kinds
-        else "No: the checker found neither a collision nor a near miss among those asked for."
-    )  # fmt: skip
+    first = "No: the checker found neither a collision nor a near miss among those asked for."
+    for kind, does in (("near_miss", "it is a near miss"), ("collision", "they collide")):
+        first = f"Yes: {does}." if kind in kinds else first
     return [first, *_describe_closeness(scene, about)]
 
 

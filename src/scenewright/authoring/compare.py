@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenewright.scene.events import Event, Proof
+from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 
 _FIGURES = {
@@ -22,36 +22,32 @@ def compare_versions(
     second = {each.name: each for each in b.agents}
     both = [name for name in first if name in second]
     same = [name for name in both if first[name] == second[name]]
+    rows = (
+        ("verdict", a_proof.describe_verdict(), b_proof.describe_verdict()),
+        ("events", _format_events(a, a_proof), _format_events(b, b_proof)),
+        ("agents", str(len(a.agents)), str(len(b.agents))),
+        ("time of day", a.meta.time_of_day, b.meta.time_of_day),
+        ("duration", f"{a.meta.duration:g} s", f"{b.meta.duration:g} s"),
+    )
     return {
         "same": same,
         "changed": [name for name in both if name not in same],
         "only_first": [name for name in first if name not in second],
         "only_second": [name for name in second if name not in first],
-        "differences": [row for row in _build_rows(a, a_proof, b, b_proof) if row[1] != row[2]],
+        "differences": [list(row) for row in rows if row[1] != row[2]],
     }
-
-
-def _build_rows(a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof) -> list[list[str]]:
-    return [
-        ["verdict", a_proof.describe_verdict(), b_proof.describe_verdict()],
-        ["events", _format_events(a, a_proof), _format_events(b, b_proof)],
-        ["agents", str(len(a.agents)), str(len(b.agents))],
-        ["time of day", a.meta.time_of_day, b.meta.time_of_day],
-        ["duration", f"{a.meta.duration:g} s", f"{b.meta.duration:g} s"],
-    ]
 
 
 def _format_events(record: SceneRecord, proof: Proof) -> str:
     names = {each.id: each.name for each in record.agents}
-    return "; ".join(_format_event(each, names) for each in proof.events) or "nothing happens"
-
-
-def _format_event(event: Event, names: dict[int, str]) -> str:
-    figures = [
-        words.format(event.evidence[key])
-        for key, words in _FIGURES.items()
-        if isinstance(event.evidence.get(key), float)
-    ]
-    measured = f" ({', '.join(figures)})" if figures else ""
-    pair = f"{names.get(event.from_, event.from_)} and {names.get(event.to, event.to)}"
-    return f"{event.type.replace('_', ' ')} of {pair} at {event.time:.1f} s{measured}"
+    told = []
+    for event in proof.events:
+        figures = ", ".join(
+            words.format(event.evidence[key])
+            for key, words in _FIGURES.items()
+            if isinstance(event.evidence.get(key), float)
+        )
+        pair = f"{names.get(event.from_, event.from_)} and {names.get(event.to, event.to)}"
+        measured = f" ({figures})" if figures else ""
+        told.append(f"{event.type.replace('_', ' ')} of {pair} at {event.time:.1f} s{measured}")
+    return "; ".join(told) or "nothing happens"

@@ -93,8 +93,13 @@ class Talk:
         named = self.list_named()
         if words in {each.id for each in named}:
             return self.situation.graph.agent(words)
-        if words in ("other one", "that one"):
-            return self._find_other() if words == "other one" else (named[0] if named else None)
+        if words == "other one":  # of two that were spoken of, the one that was not meant last
+            last = next((each for each in named if each.id in self.touched), None)
+            rest = [each for each in named if last is not None and each.id != last.id]
+            alike = [each for each in rest if last is not None and each.type == last.type]
+            return rest[0] if len(rest) == 1 else alike[0] if len(alike) == 1 else None
+        if words == "that one":
+            return named[0] if named else None
         other = words.startswith("other ")
         if words in ("him", "her", "he", "she"):
             found = [each for each in named if each.type != "vehicle"] or named
@@ -116,16 +121,6 @@ class Talk:
         if len(found) == 1 or (spoken and words in _PRONOUNS):
             return found[0]
         return None
-
-    def _find_other(self) -> AgentNode | None:
-        """Of two that were spoken of or take part, the one that was not meant last."""
-        named = self.list_named()
-        last = next((each for each in named if each.id in self.touched), None)
-        if last is None:
-            return None
-        rest = [each for each in named if each.id != last.id]
-        alike = [each for each in rest if each.type == last.type]
-        return rest[0] if len(rest) == 1 else alike[0] if len(alike) == 1 else None
 
 
 _PRONOUNS = ("him", "her", "he", "she", "it", "that", "them", "they")
@@ -192,13 +187,6 @@ def _change_pace(found: re.Match[str], talk: Talk) -> Reading | None:
     very = groups.get("much") in ("a lot", "much", "way", "far", "really", "very")
     strong = _VERY if slower else 1 / _VERY
     return make_edits(SetPace(agent=node.id, factor=strong if very else _SLOW if slower else _FAST))
-
-
-def _run(found: re.Match[str], talk: Talk) -> Reading | None:
-    node = talk.find(found["who"])
-    if node is None or node.type != "pedestrian" or node.motion == "runs":
-        return None
-    return make_edits(ChangeAgent(node=talk.keep_way(node).model_copy(update={"motion": "runs"})))
 
 
 def _change_reaction(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -351,33 +339,14 @@ def replace_agent(node: AgentNode, noun: str, talk: Talk) -> Edits:
     return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *related)
 
 
-def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
-    groups = found.groupdict()
-    kind = CLASSES[groups["what"]][0]
-    node = AgentNode.model_validate(
-        {"id": choose_id(kind, talk), "type": kind, "entry": groups.get("entry"),
-         "exit": groups.get("exit")}
-    )  # fmt: skip
-    if not groups.get("who"):
-        return make_edits(AddAgent(node=node))
-    ahead = talk.find(groups["who"])
-    if ahead is None:
-        return None
-    edge = RelationEdge.model_validate({"type": "follow", "from": node.id, "to": ahead.id})
-    return make_edits(AddAgent(node=node), Relate(edge=edge))
-
-
-def _say(reason: str) -> _Rule:
-    """The rule for what no scene has."""
-    return lambda _found, _talk: decline(reason)
-
-
 _BY_NAME: dict[str, _Rule] = {
-    "weather": _say(WEATHER), "length": _say(LENGTH), "pace": _change_pace, "run": _run,
-    "reaction": _change_reaction, "remove": _remove, "become": _become, "reverse": _reverse,
-    "no_subject": _say('Say who does that, such as "the car from the west follows the bus".'),
+    "pace": _change_pace, "reaction": _change_reaction, "remove": _remove,
+    "become": _become, "reverse": _reverse,
+    "no_subject": lambda _found, _talk: decline(
+        'Say who does that, such as "the car from the west follows the bus".'
+    ),
     "time": _shift_event, "wait": _wait, "numbers": _change_numbers, "gap": _change_gap,
-    "impact": _change_impact, "rider": _add_rider,
+    "impact": _change_impact,
 }  # fmt: skip
 _RULES = [
     (re.compile(fill_in(form)), _BY_NAME[name]) for name, form in WORDS["everyday_words"]["rules"]

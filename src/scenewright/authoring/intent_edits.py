@@ -162,6 +162,11 @@ class EditIntent:
         driving = [each for each in every if each.type == "vehicle"] if vehicle_first else []
         return driving[0] if len(driving) == 1 else every[0] if len(every) == 1 else None
 
+    def find_walker(self) -> AgentNode | None:
+        """The only pedestrian that takes part."""
+        found = [each for each in self.talk.list_named() if each.type == "pedestrian"]
+        return found[0] if len(found) == 1 else None
+
     def view(self, node: AgentNode) -> AgentView | None:
         """The agent as it is in the scene."""
         return next((each for each in self.talk.situation.present if each.id == node.id), None)
@@ -278,10 +283,6 @@ def _change_speed(wish: EditIntent) -> _Answer:
 _UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
 
 
-def _remove(wish: EditIntent) -> _Answer:
-    return f"remove {wish.named[0].id}" if wish.named else None
-
-
 def find_new_kind(plain: str) -> str | None:
     """The noun of a new agent, as in "a bus" or "into a bus"; None where there is none."""
     ridden = re.sub(
@@ -328,14 +329,10 @@ def _find_side(plain: str) -> str | None:
     return None if found is None else found[1]
 
 
-def _come_from(wish: EditIntent) -> _Answer:
+def _go(wish: EditIntent) -> _Answer:
     node, side = wish.choose(), _find_side(wish.plain)
-    return None if node is None or side is None else f"make {node.id} come from the {side}"
-
-
-def _go_to(wish: EditIntent) -> _Answer:
-    node, side = wish.choose(), _find_side(wish.plain)
-    return None if node is None or side is None else f"let {node.id} leave to the {side}"
+    way = "come from" if wish.intent == "come_from" else "leave to"
+    return None if node is None or side is None else f"make {node.id} {way} the {side}"
 
 
 def _turn(wish: EditIntent) -> _Answer:
@@ -351,9 +348,7 @@ def _turn(wish: EditIntent) -> _Answer:
 
 
 def _cross(wish: EditIntent) -> _Answer:
-    walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
-    node = next((each for each in wish.named if each.type == "pedestrian"), None)
-    node = node or (walkers[0] if len(walkers) == 1 else None)
+    node = next((each for each in wish.named if each.type == "pedestrian"), wish.find_walker())
     view, side = (None if node is None else wish.view(node)), _find_side(wish.plain)
     if side is None and re.search(r"\b(?:other|opposite)\b", wish.plain):
         side = OPPOSITE[view.crosswalk] if view is not None and view.crosswalk else None
@@ -462,14 +457,12 @@ def _come(wish: EditIntent) -> _Answer:
     return None if node is None else f"{node.id} comes {seconds:g} seconds {when}"
 
 
-def _wait(wish: EditIntent) -> _Answer:
+def _stop(wish: EditIntent) -> _Answer:
+    """How long it stands, or where."""
     subject = f"let {wish.named[0].id} " if wish.named else ""
-    more = "longer" if wish.intent == "wait_longer" else "less"
-    return f"{subject}wait {wish.number('s') or 2.0:g} seconds {more}"
-
-
-def _stop_place(wish: EditIntent) -> _Answer:
-    subject = f"let {wish.named[0].id} " if wish.named else ""
+    if wish.intent.startswith("wait"):
+        more = "longer" if wish.intent == "wait_longer" else "less"
+        return f"{subject}wait {wish.number('s') or 2.0:g} seconds {more}"
     where = "later" if wish.intent == "stop_later" else "earlier"
     return f"{subject}stop {wish.number('m') or 1.0:g} metres {where}"
 
@@ -495,8 +488,7 @@ def _brake(wish: EditIntent) -> _Answer:
 def _change_motion(wish: EditIntent) -> _Answer:
     node = wish.named[0] if wish.named else wish.choose(vehicle_first=False)
     if node is None or node.type != "pedestrian":
-        walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
-        node = walkers[0] if len(walkers) == 1 else None
+        node = wish.find_walker()
     if node is None:
         return None
     walks = re.search(r"\bwalk(?!s? or run)|\bno running|\bnot run|\bstop running", wish.plain)
@@ -577,8 +569,7 @@ def _remove_parked(wish: EditIntent) -> _Answer:
 
 
 def _hide(wish: EditIntent) -> _Answer:
-    walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
-    if len(walkers) != 1:
+    if wish.find_walker() is None:
         return decline(
             "A parked vehicle can hide a pedestrian from a vehicle; there is no pedestrian here."
         )
@@ -597,8 +588,8 @@ def _change_light(wish: EditIntent) -> _Answer:
 
 
 def _make_jaywalker(wish: EditIntent) -> _Answer:
-    walkers = [each for each in wish.talk.list_named() if each.type == "pedestrian"]
-    return f"make {walkers[0].id} jaywalk" if len(walkers) == 1 else None
+    walker = wish.find_walker()
+    return None if walker is None else f"make {walker.id} jaywalk"
 
 
 BEYOND = (
@@ -607,8 +598,9 @@ BEYOND = (
     'night".'
 )
 _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
-    "slower": _change_pace, "faster": _change_pace, "set_speed": _change_speed, "remove": _remove,
-    "add_agent": _add, "become": _become, "come_from": _come_from, "turn": _turn, "go_to": _go_to,
+    "slower": _change_pace, "faster": _change_pace, "set_speed": _change_speed,
+    "remove": lambda wish: f"remove {wish.named[0].id}" if wish.named else None,
+    "add_agent": _add, "become": _become, "come_from": _go, "turn": _turn, "go_to": _go,
     "cross_at": _cross, "reverse": _reverse, "clock": _change_clock,
     "collide": _make_event_rule("collide_at"), "near_miss": _make_event_rule("near_miss"),
     "yields": _make_event_rule("yield_to"), "follow": _make_event_rule("follow"),
@@ -616,8 +608,8 @@ _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "less_close": _change_gap, "set_gap": _set_gap, "harder": _change_impact,
     "softer": _change_impact, "set_impact": _set_impact, "event_earlier": _change_event_time,
     "event_later": _change_event_time, "come_earlier": _come, "come_later": _come,
-    "wait_longer": _wait, "wait_less": _wait, "stop_earlier": _stop_place,
-    "stop_later": _stop_place, "make_stop": _make_stop,
+    **dict.fromkeys(("wait_longer", "wait_less", "stop_earlier", "stop_later"), _stop),
+    "make_stop": _make_stop,
     "brake_hard": _brake, "runs": _change_motion, "more_traffic": _change_background,
     "less_traffic": _change_background, "no_traffic": _remove_background, "set_count": _set_count,
     "redraw": _redraw, "park": _park_vehicle, "unpark": _remove_parked, "hide": _hide,

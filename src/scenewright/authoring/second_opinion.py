@@ -76,11 +76,6 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     clause = _find_clause(words)
     if clause is not None:
         return clause
-    changes = is_change(guess.intent) and guess.chance >= (
-        SURE if len(words.split()) > 3 else LIKELY
-    )
-    if scene and _asks_at_last(words) and not changes:
-        return TurnKind(kind="question", words=words, topic=_find_topic(words))
     greets = not scene and guess.intent in ("help", "talk")
     asks = is_question(guess.intent) and guess.intent != "q_story"  # an order, as changes are
     if guess.chance < (LIKELY if greets or asks else SURE - 0.1):
@@ -109,13 +104,6 @@ def _step(name: str, words: str) -> TurnKind:
 
 _NEWEST = re.compile(r"\b(?:latest|newest|most recent)\b", re.IGNORECASE)
 _VERSION = compile_words("second_opinion.version")
-
-
-def _asks_at_last(words: str) -> bool:
-    """Whether the words end with a question mark after a clause that has the form of a question."""
-    clauses = [each for each in _CLAUSES.split(words) if each.strip()]
-    last = clauses[-1] if clauses else ""
-    return words.rstrip().endswith("?") and classify_turn(f"{last}?").kind == "question"
 
 
 def _find_topic(words: str) -> str | None:
@@ -169,8 +157,7 @@ def correct(words: str, before: str) -> tuple[str, bool]:
     ):
         new, old = pattern.search(bare), pattern.search(before.lower())
         if new is not None and old is not None and re.fullmatch(whole, bare):
-            corrected = f"{before[: old.start()]}{new[0]}{before[old.end() :]}"
-            return corrected, pattern is _AGENT
+            return f"{before[: old.start()]}{new[0]}{before[old.end() :]}", pattern is _AGENT
     return words, False
 
 
@@ -351,18 +338,12 @@ def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:
         if chance < _LEAST_OFFERED or not is_change(name):
             continue
         spelt = spell_out(name, words, talk)
-        sentence = (
-            spelt
-            if isinstance(spelt, str)
-            else _SENTENCES.get(name)
-            if isinstance(spelt, Edits)
-            else None
-        )
+        sentence = _SENTENCES.get(name) if isinstance(spelt, Edits) else spelt
+        sentence = sentence if isinstance(sentence, str) else None
         if sentence and sentence not in offered and isinstance(read(sentence, talk), Edits):
             offered.append(sentence)
-    if not offered:
-        return None
-    return offer_sentences("I am not sure what shall be different.", offered[:_MOST_OFFERED])
+    question = "I am not sure what shall be different."
+    return offer_sentences(question, offered[:_MOST_OFFERED]) if offered else None
 
 
 _REMARKS = compile_words("second_opinion.remarks")
@@ -388,12 +369,9 @@ def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
     for part, guess in zip(parts, guesses, strict=True):
         if guess.intent in ("talk", "show") and guess.chance >= LIKELY:
             continue
-        by_rule = read(part, now)
-        made = (
-            by_rule
-            if is_consistent(by_rule, guess.intent, part)
-            else _make(guess.intent, part, now, read)
-        )
+        by_rule: Reading | None = read(part, now)
+        fits = by_rule is not None and is_consistent(by_rule, guess.intent, part)
+        made = by_rule if fits else _make(guess.intent, part, now, read)
         if not isinstance(made, Edits) or guess.chance < 0.3:
             return None
         edits += made.edits

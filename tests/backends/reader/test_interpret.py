@@ -6,6 +6,7 @@ import pytest
 
 from lab.planner.plain_sentences import build_reading
 from scenewright.backends.builtin.draft import Site
+from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.annotation import parse_annotation
 from scenewright.backends.builtin.reader.learned_plan import plan_reading
 from scenewright.backends.builtin.reader.measures import measure_in
@@ -443,7 +444,6 @@ def test_lanes_are_changed_and_followed_closely_as_words_say(
     ("line", "motion"),
     [
         ("[ped:1 A boy] [near=cutoff:1>2 darts out in front of] [veh:2 a car]", "darts_out"),
-        ("[ped:1 A child] runs into the road and is [hit:2>1 hit by] [veh:2 a car]", "runs"),
         (
             "[ped:1 A man] [jay:1 stops in the middle of the crosswalk], "
             "[veh:2 a car] [yield:2>1 yields to] [ref:1 him]",
@@ -452,7 +452,7 @@ def test_lanes_are_changed_and_followed_closely_as_words_say(
         ("[veh:1 A car] [hit:1>2 runs over] [ped:2 a man]", None),
     ],
 )
-def test_how_a_pedestrian_crosses_is_read_from_words_inside_and_outside_of_spans(
+def test_how_a_pedestrian_crosses_is_read_from_words_of_an_event(
     line: str, motion: str | None
 ) -> None:
     assert graph_of(line).agent("pedestrian-1").motion == motion
@@ -468,8 +468,6 @@ def test_right_on_red_is_a_turn_and_a_red_light() -> None:
     [
         ("[veh:1 A car] [red:1 runs a yellow light]", "passes_yellow"),
         ("[veh:1 A car] [red:1 blows through a yellow light]", "passes_yellow"),
-        ("[veh:1 A van] goes through on [thing amber] and [near:1>2 just misses] [veh:2 a bus]",
-         "passes_yellow"),
         ("[veh:1 A yellow cab] [near:1>2 just misses] [veh:2 a bus]", None),
     ],
 )  # fmt: skip
@@ -533,9 +531,8 @@ def test_a_later_mention_of_another_vehicle_is_in_doubt() -> None:
 
 
 def test_who_rides_a_vehicle_is_one_road_user_with_it() -> None:
-    graph = graph_of(
-        "[ped:1 The rider] of [veh:2 a motorbike] [near:1,2>3 nearly hits] [ped:3 a boy]"
-    )
+    graph = plan("The rider of a motorbike nearly hits a boy")
+    assert isinstance(graph, SocialGraph)
     assert [agent.subtype or agent.type for agent in graph.agents] == ["motorcycle", "pedestrian"]
 
 

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.words import VOCABULARY, compile_words
 
-_Reader = Callable[[re.Match[str]], str | None]
 _DAY = 24 * 60
 _HOUR_WORDS = "one two three four five six seven eight nine ten eleven twelve"
 _HOURS = {word: number for number, word in enumerate(_HOUR_WORDS.split(), start=1)}
@@ -63,19 +62,17 @@ _BARE = compile_words("clock.bare", re.NOFLAG)
 
 def read_clock(text: str) -> str | None:
     """The time in the text as HH:MM or HH:MM-HH:MM; Refused where two clock times differ."""
-    text = re.sub(r"(?<=\d)ish\b", "", text)
+    text = _HALF_PAST.sub(_write_in_digits, re.sub(r"(?<=\d)ish\b", "", text))
     times: list[str] = []
-    text = _HALF_PAST.sub(_write_in_digits, text)
-    for pattern, reader in (
-        (_TO, _rewrite_to),
-        (_RANGE, _rewrite_range),
-        (_PAST, _rewrite_past),
-        (_PLAIN, _rewrite_plain),
-        (_MILITARY, _rewrite_military),
-        (_HOUR, _rewrite_full_hour),
-        (_BARE, _rewrite_bare),
-    ):
-        text = _collect(text, pattern, reader, times)
+    for pattern, read in _FORMS:
+        at = 0
+        while match := pattern.search(text, at):
+            time = read(match)
+            if time is None:
+                at = max(match.end(), at + 1)
+                continue
+            times.append(time)
+            text, at = f"{text[: match.start()]} {text[match.end() :]}", match.start()
     if impossible := _OFF_CLOCK.search(text):
         raise Refused("impossible", f"{impossible[0]} is no time of day; use 00:00 to 23:59.")
     if len(set(times)) > 1:
@@ -116,19 +113,6 @@ def is_pronoun(text: str, start: int) -> bool:
     return low.startswith("one ", start) and _PRONOUN.search(low[:start]) is not None
 
 
-def _collect(text: str, pattern: re.Pattern[str], reader: _Reader, times: list[str]) -> str:
-    at = 0
-    while match := pattern.search(text, at):
-        time = reader(match)
-        if time is None:
-            at = match.end() if match.end() > at else at + 1
-            continue
-        times.append(time)
-        text = f"{text[: match.start()]} {text[match.end() :]}"
-        at = match.start()
-    return text
-
-
 def _rewrite_range(match: re.Match[str]) -> str | None:
     first, second = match.groups()[:6], match.groups()[6:]
     if " and " in match[0] and "between" not in match[0]:
@@ -166,64 +150,52 @@ def _rewrite_to(match: re.Match[str]) -> str | None:
 def _rewrite_past(match: re.Match[str]) -> str | None:
     amount = _MINUTES.get(match[1]) or (int(match[1]) if match[1].isdigit() else 0)
     hour = _compute_minute(match[3], None, None, match[4], match[5])
-    if not amount or amount > 59:
-        return None
     sign = 1 if match[2] in {"past", "after"} else -1
-    return _format_minute((hour + sign * amount) % _DAY)
+    return _format_minute((hour + sign * amount) % _DAY) if 0 < amount <= 59 else None
 
 
 def _rewrite_plain(match: re.Match[str]) -> str | None:
     g = match.groups()
-    if is_pronoun(match.string, match.start(6)):
-        return None
     parts = (g[0], g[1], None, g[2], g[3]) if g[0] is not None else g[5:10]
-    return _format_minute(_compute_minute(*parts))
+    pronoun = is_pronoun(match.string, match.start(6))
+    return None if pronoun else _format_minute(_compute_minute(*parts))
 
 
 def _rewrite_military(match: re.Match[str]) -> str | None:
-    plain = match[0].strip().isdigit()
-    if plain and match[1] in {"19", "20"} and _YEAR.search(match.string[: match.start()]):
-        return None
-    if plain and not match[1].startswith("0") and int(match[2]) % 5:
-        return None
-    return f"{match[1]}:{match[2]}"
-
-
-def _rewrite_full_hour(match: re.Match[str]) -> str | None:
-    """ "23h", "at 13.15"."""
-    return f"{int(match[1] or match[2]):02d}:{match[3] or '00'}"
+    year = match[1] in {"19", "20"} and _YEAR.search(match.string[: match.start()])
+    odd = not match[1].startswith("0") and int(match[2]) % 5
+    is_number = match[0].strip().isdigit() and (year or odd)
+    return None if is_number else f"{match[1]}:{match[2]}"
 
 
 def _rewrite_bare(match: re.Match[str]) -> str | None:
     hour = int(match[1])
-    if not 0 < hour <= 23:
-        return None
-    return _format_minute((hour if hour >= 6 else hour + 12) * 60)
+    return _format_minute((hour if hour >= 6 else hour + 12) * 60) if 0 < hour <= 23 else None
 
 
 def _compute_minute(
-    hour: str,
-    digits: str | None,
-    words: str | None,
-    half: str | None,
-    part: str | None,
+    hour: str, digits: str | None, words: str | None, half: str | None, part: str | None
 ) -> int:
+    """The minute of the day; `half` is am or pm, `part` such as "in the morning"."""
     number = int(hour) if hour.isdigit() else _HOURS[hour]
     minute = int(digits) if digits else _MINUTES[words] if words else 0
     if number > 24 or minute > 59 or (number == 24 and minute):
         raise Refused(
             "impossible", f"{hour}:{digits or '00'} is no time of day; use 00:00 to 23:59."
         )
-    return _shift_half_day(number, half, part) % 24 * 60 + minute
+    if (half or part) and number <= 12:
+        night = part is not None and "night" in part and number in (0, 1, 2, 3, 4, 5, 12)
+        late = half == "pm" or (part is not None and "morning" not in part and not night)
+        number = number % 12 + (12 if late else 0)
+    return number % 24 * 60 + minute
 
 
-def _shift_half_day(hour: int, half: str | None, part: str | None) -> int:
-    late = half == "pm" or (part is not None and "morning" not in part)
-    if part is not None and "night" in part and (hour <= 5 or hour == 12):
-        late = False
-    if (half is None and part is None) or hour > 12:
-        return hour
-    return hour % 12 + (12 if late else 0)
+_FORMS: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str | None]], ...] = (
+    (_TO, _rewrite_to), (_RANGE, _rewrite_range), (_PAST, _rewrite_past), (_PLAIN, _rewrite_plain),
+    (_MILITARY, _rewrite_military), (_HOUR, lambda m: f"{int(m[1] or m[2]):02d}:{m[3] or '00'}"),
+    (_BARE, _rewrite_bare),
+)  # fmt: skip
+"""Forms of clock times; what one of them takes is not looked at by the next."""
 
 
 def _list_minutes(name: str) -> set[int]:

@@ -46,30 +46,33 @@ def number(word: str) -> float:
     return _NUMBERS[word] if word in _NUMBERS else float(word)
 
 
-def _parse_amount(found: re.Match[str], default: float) -> float:
+def _parse_amount(found: re.Match[str], default: float, most: float, unit: str) -> float:
     groups = found.groupdict()
     word = groups.get("amount") or groups.get("by")
-    return default if word is None else number(word)
+    amount = default if word is None else number(word)
+    if amount > most:
+        raise Refused("impossible", f"{amount:g} {unit} is too much at once; at most {most:g}.")
+    return amount
 
 
 def _edit_stop_point(
     found: re.Match[str], text: str, people: People, agent: AgentView | None
 ) -> Edit:
-    metres = _check_bounds(_parse_amount(found, 1.0), 15.0, "m")
+    metres = _parse_amount(found, 1.0, 15.0, "m")
     back = re.search(rf"\b{_BACK}\b", text) is not None
     chosen = agent or _find_stopping(people)
     return MoveStop(agent=chosen.id, metres=-metres if back else metres)
 
 
 def _edit_wait(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    seconds = _check_bounds(_parse_amount(found, 1.0), 20.0, "s")
+    seconds = _parse_amount(found, 1.0, 20.0, "s")
     less = re.search(r"\b(?:less|shorter)\b", text) is not None
     chosen = agent or _find_stopping(people)
     return WaitLonger(agent=chosen.id, seconds=-seconds if less else seconds)
 
 
 def _edit_time(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
-    seconds = _check_bounds(_parse_amount(found, 1.0), 20.0, "s")
+    seconds = _parse_amount(found, 1.0, 20.0, "s")
     sooner = re.search(r"\b(?:earlier|sooner|before)\b", text) is not None
     chosen = agent or people.pick(people.list_foreground(), "agent")
     return ComeLater(agent=chosen.id, seconds=-seconds if sooner else seconds)
@@ -115,17 +118,11 @@ def _check_speed_factor(factor: float) -> float:
     return round(factor, 3)
 
 
-def _check_bounds(amount: float, most: float, unit: str) -> float:
-    if amount > most:
-        raise Refused("impossible", f"{amount:g} {unit} is too much at once; at most {most:g}.")
-    return amount
-
-
 def _edit_stop(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     """An agent that slows down shall stand."""
     del text
     chosen = agent or _find_stopping(people)
-    seconds = _check_bounds(_parse_amount(found, _DEFAULT_STANDSTILL), 20.0, "s")
+    seconds = _parse_amount(found, _DEFAULT_STANDSTILL, 20.0, "s")
     if chosen.stops:
         raise Refused(
             "no_change",

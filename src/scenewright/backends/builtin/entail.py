@@ -16,8 +16,9 @@ from scenewright.backends.builtin.draft import (
     RelationDraft,
     Site,
 )
-from scenewright.scene.base import OPPOSITE
+from scenewright.scene.base import OPPOSITE, AgentClass
 from scenewright.scene.kinds import has_trait
+from scenewright.scene.relations import load_patterns
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {exit_: entry for entry, exit_ in LEFT.items()}
@@ -118,7 +119,10 @@ def _fill_relatives(agent: AgentDraft, draft: Draft) -> None:
         if other.entry is None and word in {"opposite", "mutual"} and agent.entry is not None:
             other.entry = OPPOSITE[agent.entry]
         if agent.entry is None and other.entry is not None:
-            agent.entry = _compute_relative_entry(word, other.entry)
+            heading = OPPOSITE[other.entry]
+            left = LEFT_OF_HEADING.get(heading)
+            sides = {"of_left": left, "of_right": OPPOSITE.get(left or ""), "same": other.entry}
+            agent.entry = {**sides, "opposite": heading, "mutual": heading}.get(word)
         elif agent.entry is not None and other.entry is None and word == "same":
             other.entry = agent.entry
         elif agent.entry == other.entry is not None and word == "opposite" and agent.drives:
@@ -142,13 +146,6 @@ def _meet_on_crosswalk(relation: RelationDraft) -> None:
             agent.crosswalk = other.crosswalk
 
 
-def _compute_relative_entry(word: str, entry: str) -> str | None:
-    heading = OPPOSITE[entry]
-    left = LEFT_OF_HEADING.get(heading)
-    sides = {"of_left": left, "of_right": OPPOSITE.get(left or ""), "same": entry}
-    return {**sides, "opposite": heading, "mutual": heading}.get(word)
-
-
 def find_partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
     """The vehicle that the agent has to do with, else the only other one."""
     bound = [
@@ -169,7 +166,10 @@ def _check_shared_lane(relation: RelationDraft, site: Site) -> None:
     if not lane or not (first.drives and second.drives):
         return
     if first.entry and second.entry and first.entry != second.entry:
-        if _merge(first, second) or not site.compass:
+        # From two legs one can still end up behind the other on a common exit.
+        exits = {agent.exit or OPPOSITE.get(str(agent.entry)) for agent in (first, second)}
+        turned = {first.movement, second.movement} & {"left", "right"}
+        if not site.compass or (turned and len(exits) == 1):
             return
         raise Refused(
             "contradictory",
@@ -177,13 +177,6 @@ def _check_shared_lane(relation: RelationDraft, site: Site) -> None:
             f"{second.entry}; give them one entry.",
         )
     first.entry = second.entry = first.entry or second.entry
-
-
-def _merge(first: AgentDraft, second: AgentDraft) -> bool:
-    """From two legs one can still end up behind the other on a common exit."""
-    exits = [agent.exit or OPPOSITE.get(str(agent.entry)) for agent in (first, second)]
-    turned = {first.movement, second.movement} & {"left", "right"}
-    return bool(turned) and exits[0] == exits[1]
 
 
 _TURN_CRASHES = {"left_turn": "left", "right_turn": "right"}
@@ -248,6 +241,31 @@ def _check_possible(relation: RelationDraft, site: Site) -> None:
                 "vehicles or just a collision.",
             )
         relation.kind = None
+    if relation.type == "collide_at" and relation.kind is not None:
+        kinds = _list_collision_kinds(first.type, second.type)
+        if relation.kind not in kinds:
+            raise Refused(
+                "impossible",
+                f"A {first.type} and a {second.type} cannot collide {_name_kind(relation.kind)} "
+                f"here, only {' or '.join(map(_name_kind, kinds))}; choose one of these, or leave "
+                "it open.",
+            )
+
+
+def _name_kind(kind: str) -> str:
+    return f"as {kind.replace('_', ' ')}"
+
+
+def _list_collision_kinds(*pair: AgentClass) -> list[str]:
+    """The kinds of collisions that relation files have of two classes."""
+    found = (
+        pattern.kind
+        for pattern in load_patterns()
+        if pattern.relation == "collide_at" and pattern.kind is not None
+        for one, two in (pair, pair[::-1])
+        if pattern.from_.admits(one) and pattern.to.admits(two)
+    )
+    return list(dict.fromkeys(found))
 
 
 def _check_crosswalk(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:

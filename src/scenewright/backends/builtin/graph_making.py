@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import get_args
 
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
 from scenewright.backends.builtin.entail import fill_entailed
 from scenewright.backends.builtin.impacts import Impacts
-from scenewright.backends.builtin.orders import pass_order_on, settle_orders
 from scenewright.backends.builtin.phrases import assign_agents
-from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.scope import build_nothing_planned
 from scenewright.backends.builtin.ties import list_ties, name_turns_across
 from scenewright.scene.base import AgentClass
@@ -45,13 +43,12 @@ def finish_draft(draft: Draft) -> Draft:
     if any(edge.from_ is edge.to for edge in draft.relations):
         raise Refused("impossible", "Nothing happens between an agent and itself; name another.")
     _keep_one_event_per_pair(draft)
-    settle_orders(draft.relations)
+    _settle_orders(draft.relations)
     for relation in draft.relations:
         assign_agents(relation, draft.site)
     fill_entailed(draft)
     name_turns_across(draft)
-    if any(agent.runs_red for agent in draft.agents):
-        set_cause(draft, "red")
+    _name_red_causes(draft)
     for relation in draft.relations:
         # The vehicle strikes, also where the pedestrian is the sentence's subject.
         on_foot = [each.type == "pedestrian" for each in (relation.from_, relation.to)]
@@ -97,19 +94,52 @@ def _keep_one_event_per_pair(draft: Draft) -> None:
         overruled = relation.type == "near_miss" and types & {"collide_at", "yield_to"}
         if softened or overruled:
             draft.relations.remove(relation)
-            pass_order_on(relation, draft.relations)
+            for other in draft.relations:  # its order becomes that of the other
+                if relation.first is not None and other.pair() == relation.pair():
+                    other.first = other.first or relation.first
 
 
-def set_cause(draft: Draft, mark: str) -> None:
-    """The relations that running red or late braking brings about owe it to that."""
-    cause = find_marked("cause", mark)
+_UNORDERED = ("sideswipe", "head_on")
+"""Collisions along one road, where no agent comes first to a place that both pass."""
+
+
+def _settle_orders(relations: Iterable[RelationDraft]) -> None:
+    """Orders that the relation has by itself are left to it.
+
+    Raises:
+        Refused: the agent to pass first yields, follows, drives into the other or brakes for it.
+    """
+    for relation in relations:
+        if relation.first is None:
+            continue
+        if relation.ahead not in (None, relation.first):
+            raise Refused(
+                "contradictory",
+                "One of the two passes first and gives way, follows or runs into the other from "
+                "behind; keep one, or say that the two nearly collide.",
+            )
+        if relation.type == "near_miss" and relation.first is relation.braker:
+            raise Refused(
+                "contradictory",
+                "An agent that brakes hard for another lets it pass first; say that the other "
+                "one brakes, or that it passes first.",
+            )
+        one, two = relation.from_, relation.to
+        vehicles = one.type == two.type == "vehicle"
+        one_way = vehicles and one.entry is not None and one.entry == two.entry
+        along_one_road = relation.kind in _UNORDERED or one_way
+        if relation.ahead is not None or (relation.type == "collide_at" and along_one_road):
+            relation.first = None
+
+
+def _name_red_causes(draft: Draft) -> None:
+    """A collision or near miss with one that runs red owes to that, and so does letting it by."""
     for relation in draft.relations:
-        ran = relation.from_.runs_red or relation.to.runs_red or mark == "brakes"
-        made_to_yield = relation.type == "yield_to" and relation.to.runs_red
-        if relation.type in {"collide_at", "near_miss"} and ran:
-            relation.cause = relation.cause or cause
-        elif made_to_yield and mark == "red":
-            relation.cause = cause
+        ran = relation.to.runs_red or (relation.from_.runs_red and relation.type != "yield_to")
+        if ran and relation.type == "yield_to":
+            relation.cause = find_marked("cause", "red")
+        elif ran and relation.type in {"collide_at", "near_miss"}:
+            relation.cause = relation.cause or find_marked("cause", "red")
 
 
 def place_impacts(draft: Draft, impacts: Impacts) -> None:
@@ -158,7 +188,7 @@ def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:
 
 def make_node(agent: AgentDraft, name: str) -> AgentNode:
     """The vertex of a draft."""
-    subtype = narrow_subtype(agent.subtype, agent.head) if agent.type == "vehicle" else None
+    subtype = agent.subtype if agent.type == "vehicle" else None
     return AgentNode.model_validate(
         {
             "id": name,

@@ -63,17 +63,14 @@ def read_impacts(text: str) -> Impacts:
         match = pattern.search(text)
         if match is None or party in found:
             continue
-        found[party] = _name_impact(match)
+        end, hand = match["end"] or match["end2"], match["hand"] or match["hand2"]
+        if end and hand:
+            found[party] = _CORNERS[_ENDS[end], hand]
+        elif match["side"]:
+            found[party] = _SIDES[match["side"].replace("'", "")]
+        else:
+            found[party] = _ENDS[match["plain"]] if match["plain"] else "side"
         # "into the back of a bus" is a rear-end, which the words themselves must go on saying.
         if not (match["plain"] and found[party] == "rear"):
             text = f"{text[: match.start()]}{match['before']}{text[match.end() :]}"
     return Impacts(found.get("striking"), found.get("struck"))
-
-
-def _name_impact(match: re.Match[str]) -> ImpactPoint:
-    end, hand = match["end"] or match["end2"], match["hand"] or match["hand2"]
-    if end and hand:
-        return _CORNERS[_ENDS[end], hand]
-    if match["side"]:
-        return _SIDES[match["side"].replace("'", "")]
-    return _ENDS[match["plain"]] if match["plain"] else "side"

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import Literal
 
 from scenewright.backends.builtin.reader.numbers import number_in
-from scenewright.backends.builtin.reader.words import VOCABULARY, WORDS, narrow_subtype
+from scenewright.backends.builtin.reader.words import VOCABULARY, WORDS, load_nouns
 from scenewright.scene.base import AgentClass
 
 _DETERMINERS: dict[str, str] = WORDS["named"]["determiners"]
@@ -99,7 +99,7 @@ def _list_named(plain: str, ways: Sequence[Way]) -> Iterator[Named]:
     last: tuple[int, str | None] = (-1, None)
     for match in _load_pattern().finditer(plain):
         noun = match["noun"] and match["noun"].replace("-", " ")
-        kind, subtype, plural = _load_nouns()[noun] if noun else (None, None, False)
+        kind, subtype, plural = load_nouns()[noun] if noun else (None, None, False)
         before, last = last, (match.end(), kind)
         if noun and before == (match.start() - 1, kind):
             continue  # "the kid jogger" is one agent
@@ -129,7 +129,7 @@ def _list_named(plain: str, ways: Sequence[Way]) -> Iterator[Named]:
 @cache
 def _load_pattern() -> re.Pattern[str]:
     """A noun phrase: its determiner by name, number, noun and label."""
-    nouns = "|".join(sorted(_load_nouns(), key=len, reverse=True)).replace(" ", "[ -]")
+    nouns = "|".join(sorted(load_nouns(), key=len, reverse=True)).replace(" ", "[ -]")
     determiner = "|".join(f"(?P<{name}>{words})" for name, words in _DETERMINERS.items())
     begins = rf"(?=(?:{'|'.join(_DETERMINERS.values())}|{_NUMBER}) )"
     adjective = rf"(?:{_NO_ADJECTIVE}[a-z'-]+,? )"
@@ -148,25 +148,10 @@ def _load_pattern() -> re.Pattern[str]:
     )
 
 
-@cache
-def _load_nouns() -> dict[str, tuple[Any, str | None, bool]]:
-    """Noun -> class ("none": there are none of it), subtype, and whether it is a plural."""
-    nouns: dict[str, tuple[Any, str | None, bool]] = {}
-    for key, given in VOCABULARY["nouns"].items():
-        kind, _, subtype = key.partition(".")
-        for each in given:
-            noun, exact = each.removeprefix("=").replace("-", " "), each.startswith("=")
-            nouns[noun] = kind, subtype or None, exact and bool(_PLURAL.search(noun))
-            if not exact:
-                ends = noun.endswith("y") and noun[-2] not in "aeiou"
-                nouns[f"{noun[:-1]}ies" if ends else f"{noun}s"] = kind, subtype or None, True
-    return nouns
-
-
-_PLURAL = re.compile(r"(?<!s)s$|men$|people$|children$|persons$|ladies$")
 CLASSES: dict[str, tuple[AgentClass, str | None]] = {
-    noun: (kind, narrow_subtype(subtype, noun))
+    noun: (kind, subtype)
     for noun in VOCABULARY["everyday"]
-    for kind, subtype, _ in (_load_nouns()[noun.replace("-", " ")],)
+    for kind, subtype, _ in (load_nouns()[noun.replace("-", " ")],)
+    if kind != "none"
 }
 """Everyday noun -> class and subtype."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from scenewright.backends.builtin.reader.words import WORDS, compile_words
+from scenewright.backends.builtin.reader.words import WORDS, compile_words, load_nouns
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.account import SaidSpan
 
-_NOUNS: str = WORDS["plurals"]["nouns"]
+_NOUNS = "|".join(noun for noun, each in load_nouns().items() if each.plural) + "|riders"
 _FEW = r"several|a few|a number of|various"
 _DETERMINER = rf"(?:(?P<few>{_FEW})|some|many|all|all of|most)\s+"
 _CROWD = r"everyone|everybody|(?:(?:all|the|other|cross|crossing|oncoming)\s+)*traffic"

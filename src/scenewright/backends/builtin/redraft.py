@@ -7,7 +7,7 @@ between the two readings is the change; all else of the scene stays as it is.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from pydantic import ValidationError
 
@@ -183,7 +183,10 @@ class _Change:
         return known.model_copy(update={**update, **(found or {**earlier, **given})})
 
     def _change_relations(self, present: set[str]) -> tuple[RelationEdge, ...]:
-        read = {_pair(e, self._was): e for e in self._before.relations}
+        read = {
+            frozenset(self._was.get(each, each) for each in (e.from_, e.to)): e
+            for e in self._before.relations
+        }
         kept = []
         for edge in self._after.relations:
             now = edge.model_copy(update=self._rename(edge, _ENDS))
@@ -209,10 +212,11 @@ class _Change:
         return (*kept, *(e for e in unread if frozenset((e.from_, e.to)) not in known))
 
     def _change_ties(self, present: set[str]) -> tuple[EntryTie, ...]:
+        now = {own: theirs for theirs, own in self._now.items()}
         moved = {
             own
             for read, own in self._was.items()
-            if own in self._now.values() and self._find(own).entry != self._before.agent(read).entry
+            if own in now and self._after.agent(now[own]).entry != self._before.agent(read).entry
         }
         fresh = [
             tie.model_copy(update=self._rename(tie, ("agent", "of"))) for tie in self._after.ties
@@ -244,19 +248,11 @@ class _Change:
             for each in self._after.objects
         ]
 
-    def _find(self, name: str) -> AgentNode:
-        read = next(theirs for theirs, own in self._now.items() if own == name)
-        return self._after.agent(read)
-
     def _change_context(self) -> SceneContext:
         was, now = self._before.context, self._after.context
         fields = ("density", "time_of_day", "background")
         update = {f: getattr(now, f) for f in fields if getattr(now, f) != getattr(was, f)}
         return self._graph.context.model_copy(update=update)
-
-
-def _pair(edge: RelationEdge, names: Mapping[str, str]) -> frozenset[str]:
-    return frozenset(names.get(each, each) for each in (edge.from_, edge.to))
 
 
 def free_name(kind: str, taken: set[str]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.named import Named, Way
-from scenewright.backends.builtin.reader.words import COARSE, WORDS, narrow_subtype
+from scenewright.backends.builtin.reader.words import COARSE, WORDS
 from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
 from scenewright.scene.track import VEHICLE_SIZES
@@ -53,7 +53,13 @@ class People:
             return None
         if named.phrase in self._chosen:
             return self._present.get(self._chosen[named.phrase])
-        return self._choose_one(self._list_fitting(named), named)
+        found = self._list_fitting(named)
+        if len(found) > 1:
+            raise Unclear(build_clarification(found, named.phrase))
+        if found or named.det == "bare":
+            return found[0] if found else None
+        here = ", ".join(map(describe_agent, self.list_foreground())) or "no foreground agent"
+        raise Refused("impossible", f"There is no {named.phrase} in this scene; there is {here}.")
 
     def find_by_id(self, text: str) -> AgentView | None:
         """The agent whose id stands in the text, such as vehicle-12.
@@ -102,19 +108,6 @@ class People:
         if len(narrowed) > 1 and after is not None and after.means in _RESTRICTS:
             narrowed = [each for each in narrowed if _is_as_described(each, after)] or narrowed
         return narrowed
-
-    def _choose_one(self, found: list[AgentView], named: Named) -> AgentView | None:
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise Unclear(build_clarification(found, named.phrase))
-        if named.det == "bare":
-            return None
-        here = (
-            ", ".join(describe_agent(each) for each in self.list_foreground())
-            or "no foreground agent"
-        )
-        raise Refused("impossible", f"There is no {named.phrase} in this scene; there is {here}.")
 
 
 def build_clarification(found: Sequence[AgentView], noun: str) -> Clarification:
@@ -165,8 +158,8 @@ def read_choice(words: str, ask: Clarification) -> Choice | None:
 def _is_alike(agent: AgentView, named: Named) -> bool:
     if agent.type != named.type:
         return False
-    kind = narrow_subtype(named.subtype, named.head)
-    return kind not in VEHICLE_SIZES or kind in (agent.subtype, COARSE.get(agent.subtype or ""))
+    kinds = (agent.subtype, COARSE.get(agent.subtype or ""))
+    return named.subtype not in VEHICLE_SIZES or named.subtype in kinds
 
 
 def _is_as_described(agent: AgentView, way: Way) -> bool:

@@ -14,13 +14,11 @@ from scenewright.backends.builtin.dials import build_motion_edit, number
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.named import Named, find_named, find_ways
 from scenewright.backends.builtin.normalise import clean
-from scenewright.backends.builtin.order_edits import read_order
 from scenewright.backends.builtin.reader.measures import measure_in
-from scenewright.backends.builtin.reader.words import WORDS, compile_words, narrow_subtype
+from scenewright.backends.builtin.reader.words import WORDS, compile_words, find_subtype
 from scenewright.backends.builtin.redraft import free_name, read_change
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.spelling import mend_spelling
-from scenewright.backends.builtin.standing_edits import find_removed
 from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
 from scenewright.errors import Rejected
 from scenewright.scene.base import RIDERS
@@ -36,12 +34,13 @@ from scenewright.scene.edits import (
     Redraw,
     Relate,
     RemoveAgent,
+    RemoveObject,
     SetBackground,
     Situation,
     Unrelate,
     apply_edits,
 )
-from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType
+from scenewright.scene.social import MOST_BACKGROUND, ObjectNode, RelationEdge, RelationType
 from scenewright.scene.track import VEHICLE_SIZES
 
 _PARTS = compile_words("revising.parts", re.NOFLAG)
@@ -116,7 +115,7 @@ def _build_edits(
     again = _ANOTHER.match(" ".join(words.lower().split()))
     if again is not None:
         return Edits(edits=(_redraw(again, situation, chosen),))
-    if standing := find_removed(words, situation):
+    if standing := _find_removed(words, situation):
         return Edits(edits=standing)
     if not _is_edit(words) and not _is_about_scene(words, situation, chosen):
         return NewScene()
@@ -192,8 +191,8 @@ def _read_part(
         return related
     made = _read_removal(text, plain, every, situation, people)
     made = made or (None if event else _read_count_change(plain, every, situation))
-    made = made or (None if event else read_order(plain, every, situation, people))
-    made = made or _read_figure(text, every, situation, people)
+    if not made and (figure := read_figure(text, situation, people, _find_subject(every, people))):
+        made = (figure,)  # a speed at which to drive is a dial
     made = made or _read_motion(text, every, people)
     made = made or (None if event else _read_kind(plain, every, situation, people))
     return made or read_change(text, every, situation, people, site=site)
@@ -203,14 +202,6 @@ def _has_figures(plain: str) -> bool:
     """Whether the words say how severe it shall be: those are for the reader."""
     measure = measure_in(plain)
     return measure is not None and (measure.unit == "m/s" or bool(_SEVERITY.search(plain)))
-
-
-def _read_figure(
-    text: str, every: Sequence[Named], situation: Situation, people: People
-) -> tuple[Edit, ...] | None:
-    """The figure that a clause asks for; a speed at which to drive is a dial."""
-    found = read_figure(text, situation, people, _find_subject(every, people))
-    return None if found is None else (found,)
 
 
 def _choose_events(plain: str, situation: Situation, people: People) -> tuple[Relate, ...] | None:
@@ -323,7 +314,9 @@ def _read_count_change(
         return None
     counts = _count_background(situation)
     for group in groups:
-        many = group.count or (_parse_vague(plain) if group.plural else 1)
+        vague = re.search(r"\b(a couple of|a few|some|several)\b", plain)
+        several = 3 if vague is None else int(number(vague[1]))
+        many = group.count or (several if group.plural else 1)
         counts[str(group.type)] += -many if fewer else many
     kinds = [str(each.type) for each in groups]
     for kind in kinds:
@@ -334,11 +327,6 @@ def _read_count_change(
             )
         counts[kind] = max(counts[kind], 0)
     return (_build_background_edit(counts, kinds),)
-
-
-def _parse_vague(plain: str) -> int:
-    found = re.search(r"\b(a couple of|a few|some|several)\b", plain)
-    return 3 if found is None else int(number(found[1]))
 
 
 def _read_kinds(groups: Sequence[Named], situation: Situation) -> tuple[Edit, ...]:
@@ -362,7 +350,7 @@ _BY_NAME = {*VEHICLE_SIZES, *RIDERS} - {"car"}
 def _get_kind(named: Named) -> str | None:
     if named.type in RIDERS:
         return named.type
-    return narrow_subtype(named.subtype, named.head)
+    return named.subtype
 
 
 def _count_background(situation: Situation) -> dict[str, int]:
@@ -398,3 +386,33 @@ def _read_kind(
         return None
     node = situation.graph.agent(subject.id)
     return (ChangeAgent(node=node.model_copy(update={"subtype": _get_kind(last)})),)
+
+
+_TAKES_AWAY = compile_words("standing_edits.removes")
+_ANY_OBJECT = re.compile(r"\b(?:objects?|obstacles?|obstructions?|everything that stands)\b", re.I)
+_STATE = re.compile(r"\b(?:double[- ]?parked|parked|stalled|broken[- ]down|standing)\b", re.I)
+
+
+def _find_removed(words: str, situation: Situation) -> tuple[Edit, ...]:
+    """The standing objects that the words take away; none if they say nothing of that kind."""
+    match = _TAKES_AWAY.match(" ".join(words.split()))
+    objects = situation.graph.objects
+    if match is None or not objects:
+        return ()
+    what = match["what"]
+    if _ANY_OBJECT.search(what):
+        return tuple(RemoveObject(object=each.id) for each in objects)
+    named = [each for each in objects if each.id in what or _names_object(each, what)]
+    moving = {each.subtype for each in situation.present} & {find_subtype(what)} - {None}
+    if len(named) != 1 or (moving and not _STATE.search(what) and named[0].id not in what):
+        return ()
+    return (RemoveObject(object=named[0].id),)
+
+
+def _names_object(node: ObjectNode, what: str) -> bool:
+    """Whether words such as "the parked truck" or "the bin" name an object."""
+    kind = node.kind.replace("_", "[- ]?")
+    subtype = find_subtype(what)
+    if subtype is not None:
+        return subtype == (node.subtype or ("bus" if node.kind == "bus_stop" else None))
+    return re.search(rf"\b{kind}\b", what, re.IGNORECASE) is not None

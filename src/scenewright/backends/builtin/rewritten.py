@@ -21,11 +21,8 @@ class RewrittenText:
     original: str
     pieces: tuple[tuple[int, int, int, int], ...]
 
-    def find_original(self, start: int, end: int) -> tuple[int, int]:
-        """The characters of the original in which a span of this text lies."""
-        return self._shift(start, ends=False), self._shift(end, ends=True)
-
     def _shift(self, at: int, *, ends: bool) -> int:
+        """The place in the original of one where a span of this text starts or ends."""
         moved = 0
         for new_start, new_end, old_start, old_end in self.pieces:
             if (
@@ -40,7 +37,7 @@ class RewrittenText:
 
     def restore_span(self, entry: SaidSpan) -> SaidSpan:
         """An entry of the account in the words of the original."""
-        start, end = self.find_original(entry.start, entry.end)
+        start, end = self._shift(entry.start, ends=False), self._shift(entry.end, ends=True)
         words = self.original[start:end] or entry.words
         return entry.model_copy(update={"start": start, "end": end, "words": words})
 

@@ -8,7 +8,6 @@ struck from behind and strikes a third is pushed into that.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 
 from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.scene.account import SaidSpan
@@ -35,7 +34,12 @@ def read_cut_ins(graph: SocialGraph) -> SocialGraph:
             for k, each in enumerate(said)
             if _SAYS_CUT_IN.search(each.words) and pair.issuperset(each.agents)
         ]
-        if not here or not _may_cut_in(edge, graph):
+        one, two = graph.agent(edge.from_), graph.agent(edge.to)
+        tied = any({tie.agent, tie.of} == pair for tie in graph.ties)
+        turns = {one.movement, two.movement} - {None, "straight"}
+        settled = edge.manoeuvre not in (None, cuts_in) or edge.pattern or edge.cause
+        drives = edge.type == "near_miss" and {one.type, two.type} == {"vehicle"}
+        if not here or not drives or _are_apart(edge, graph) or tied or turns or settled:
             continue
         edges[number] = edge.model_copy(update={"manoeuvre": cuts_in, "first": None})
         change = {"became": "manoeuvre", "agents": (edge.from_, edge.to), "value": cuts_in}
@@ -45,27 +49,21 @@ def read_cut_ins(graph: SocialGraph) -> SocialGraph:
     return graph.model_copy(update={"relations": tuple(edges), "said": tuple(said)})
 
 
-def _may_cut_in(edge: RelationEdge, graph: SocialGraph) -> bool:
-    """Whether it is a near miss of two vehicles that may drive one way, come about in some way."""
-    one, two = graph.agent(edge.from_), graph.agent(edge.to)
-    apart = None not in (one.entry, two.entry) and one.entry != two.entry
-    tied = any({tie.agent, tie.of} == {one.id, two.id} for tie in graph.ties)
-    turns = {one.movement, two.movement} - {None, "straight"}
-    settled = (
-        edge.manoeuvre not in (None, find_marked("manoeuvre", "near_miss lane"))
-        or edge.pattern
-        or edge.cause
-    )
-    drives = edge.type == "near_miss" and {one.type, two.type} == {"vehicle"}
-    return drives and not (apart or tied or turns or settled)
+def _are_apart(edge: RelationEdge, graph: SocialGraph) -> bool:
+    """Whether the two of a relation come from different legs."""
+    entries = {graph.agent(name).entry for name in (edge.from_, edge.to)}
+    return None not in entries and len(entries) == 2
 
 
 def read_leaders(graph: SocialGraph, text: str) -> SocialGraph:
     """The graph in which who is said to be ahead is hit from behind, and the account of that."""
     by_braking = find_marked("manoeuvre", "brakes")
     for number, edge in enumerate(graph.relations):
-        place = _find_place(edge, graph, text) if _is_open(edge, graph) else None
-        if place is None:
+        types = {graph.agent(name).type for name in (edge.from_, edge.to)}
+        settled = edge.kind or edge.manoeuvre or edge.pattern or edge.cause
+        event = edge.type in ("collide_at", "near_miss") and types == {"vehicle"}
+        place = _find_place(edge, graph, text)
+        if place is None or not event or settled or _are_apart(edge, graph):
             continue
         brakes = edge.type == "near_miss"
         change = {"manoeuvre": by_braking} if brakes else {"kind": "rear_end"}
@@ -80,15 +78,6 @@ def read_leaders(graph: SocialGraph, text: str) -> SocialGraph:
         said = sorted((*kept, SaidSpan.model_validate(words)), key=lambda each: each.start)
         graph = graph.model_copy(update={"relations": tuple(edges), "said": tuple(said)})
     return graph
-
-
-def _is_open(edge: RelationEdge, graph: SocialGraph) -> bool:
-    """Whether the text leaves open how two vehicles come together."""
-    one, two = graph.agent(edge.from_), graph.agent(edge.to)
-    apart = None not in (one.entry, two.entry) and one.entry != two.entry
-    settled = edge.kind or edge.manoeuvre or edge.pattern or edge.cause
-    event = edge.type in ("collide_at", "near_miss") and {one.type, two.type} == {"vehicle"}
-    return event and not (apart or settled)
 
 
 def _find_place(edge: RelationEdge, graph: SocialGraph, text: str) -> tuple[int, int] | None:
@@ -110,7 +99,14 @@ def link_collisions(graph: SocialGraph) -> SocialGraph:
     unless that leads to the second.
     """
     kinds = {agent.id: agent.type for agent in graph.agents}
-    hits = [edge for edge in graph.relations if _may_be_linked(edge, kinds)]
+    hits = [  # collisions of two vehicles that may be ones from behind
+        edge
+        for edge in graph.relations
+        if edge.type == "collide_at"
+        and {kinds[edge.from_], kinds[edge.to]} == {"vehicle"}
+        and edge.kind in (None, "rear_end")
+        and {edge.manoeuvre, edge.pattern, edge.cause} == {None}
+    ]
     struck = {edge.to: edge.from_ for edge in hits}
     second = [e for e in hits if e.from_ in struck and struck[e.from_] != e.to]
     linked = {each.from_ for each in second} | {struck[each.from_] for each in second}
@@ -127,15 +123,3 @@ def link_collisions(graph: SocialGraph) -> SocialGraph:
         key=lambda edge: edge.is_pushed,
     )
     return graph.model_copy(update={"relations": tuple(edges)}) if second else graph
-
-
-def _may_be_linked(edge: RelationEdge, kinds: Mapping[str, str]) -> bool:
-    """Whether it is a collision of two vehicles that may be one from behind."""
-    return (
-        edge.type == "collide_at"
-        and {kinds[edge.from_], kinds[edge.to]} == {"vehicle"}
-        and edge.kind in (None, "rear_end")
-        and edge.manoeuvre is None
-        and edge.pattern is None
-        and edge.cause is None
-    )

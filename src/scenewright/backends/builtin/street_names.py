@@ -97,16 +97,16 @@ def list_compass_texts(
         replace(mention, legs=(leg,)) if leg in mention.legs else mention
         for mention, leg in zip(found, answers, strict=True)
     ]
-    choices = product(*(_list_choices(text, mention) for mention in found))
+    # Of two road users on a street of two legs there may also be one on each.
+    legs = (
+        (*m.legs, _BOTH.join(m.legs))
+        if len(m.legs) == 2 and _TWO_ON.search(text[: m.start])
+        else m.legs
+        for m in found
+    )
+    choices = product(*legs)
     tried = sorted(islice(choices, _MOST_READINGS), key=lambda legs: _BOTH in "".join(legs))
     return [_replace(text, found, legs) for legs in tried]
-
-
-def _list_choices(text: str, mention: StreetMention) -> tuple[str, ...]:
-    """The legs that a mention may mean; of two road users on a street, also one on each."""
-    if len(mention.legs) == 2 and _TWO_ON.search(text[: mention.start]):
-        return (*mention.legs, _BOTH.join(mention.legs))
-    return mention.legs
 
 
 def ask_which_leg(text: str, mention: StreetMention) -> Clarification:
@@ -168,18 +168,18 @@ class _Streets(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _name_streets(roads: tuple[tuple[str, str], ...]) -> _Streets:
-    named = tuple((leg, name) for leg, road in roads for name in _list_names(road) if name)
+    named = tuple(  # of a leg with several names each is one
+        (leg, name)
+        for leg, road in roads
+        for part in re.split(r"[/;,]", road)
+        if (name := expand_name(part.strip()))
+    )
+    named = tuple(dict.fromkeys(named))
     wordings: dict[str, set[str]] = {}
     for _, name in named:
         for words in _list_wordings(name):
             wordings.setdefault(words, set()).add(name)
     return _Streets(named, wordings, max((len(name.split()) for _, name in named), default=0) + 1)
-
-
-def _list_names(road: str) -> list[str]:
-    """What a street is called: its whole name, each name of several, the name without its type."""
-    parts = [part.strip() for part in re.split(r"[/;,]", road) if part.strip()]
-    return list(dict.fromkeys(expand_name(part) for part in parts))
 
 
 def _find_unspaced(text: str, named: Sequence[tuple[str, str]]) -> Iterator[StreetMention]:
@@ -189,11 +189,8 @@ def _find_unspaced(text: str, named: Sequence[tuple[str, str]]) -> Iterator[Stre
         for match in re.finditer(re.escape(name), text.casefold()):
             if not any(a < match.end() and match.start() < b for a, b in taken):
                 taken.append(match.span())
-                yield StreetMention(*match.span(), _list_legs(name, named))
-
-
-def _list_legs(name: str, named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(leg for leg, own in named if own == name))
+                legs = dict.fromkeys(leg for leg, own in named if own == name)
+                yield StreetMention(*match.span(), tuple(legs))
 
 
 def _match_at(
@@ -260,13 +257,10 @@ def _refuse_unknown(
             re.IGNORECASE,
         ):
             continue
-        raise Refused("impossible", say_no_such_street(match["name"], roads))
-
-
-def say_no_such_street(words: str, roads: Sequence[tuple[str, str]]) -> str:
-    """Why a street cannot be meant, with those that are there."""
-    known = "; ".join(f"{road} ({leg})" for leg, road in roads)
-    return f"No leg here is called '{words}'; the streets are {known}."
+        known = "; ".join(f"{road} ({leg})" for leg, road in roads)
+        raise Refused(
+            "impossible", f"No leg here is called '{match['name']}'; the streets are {known}."
+        )
 
 
 def _replace(text: str, found: Sequence[StreetMention], legs: Sequence[str]) -> CompassText:

@@ -8,7 +8,6 @@ from scenewright.backends.builtin.draft import (
     LEFT_OF_HEADING,
     AgentDraft,
     Draft,
-    RelationDraft,
 )
 from scenewright.backends.builtin.entail import find_partner
 from scenewright.scene.base import OPPOSITE
@@ -26,7 +25,13 @@ Tie = tuple[AgentDraft, AgentDraft, EntrySide]
 def list_ties(draft: Draft) -> list[Tie]:
     """What the text says of entries, once for every pair, without what an edit has overruled."""
     found: dict[frozenset[int], Tie] = {}
-    for agent, other, side in (*_list_stated_ties(draft), *_list_implied_ties(draft)):
+    stated = (
+        (agent, other, _SIDES[word])
+        for agent in draft.agents
+        for word, named in agent.relatives
+        if word in _SIDES and (other := named or find_partner(agent, draft)) is not None
+    )
+    for agent, other, side in (*stated, *_list_implied_ties(draft)):
         vehicles = agent.drives and other.drives and agent is not other
         if vehicles and other in draft.agents and not _is_overruled(agent, other, side):
             found.setdefault(frozenset((id(agent), id(other))), (agent, other, side))
@@ -43,17 +48,11 @@ def name_turns_across(draft: Draft) -> None:
         moves = {relation.from_.movement, relation.to.movement}
         across = draft.site.across
         turns = across in moves and moves <= {across, None, "straight"} and len(moves) == 2
-        oncoming = relation.pair() in opposite or _is_facing(relation)
+        entry = relation.from_.entry
+        facing = entry is not None and relation.to.entry == OPPOSITE[entry]
+        oncoming = facing or relation.pair() in opposite
         if relation.type == "collide_at" and relation.kind is None and turns and oncoming:
             relation.kind = "left_turn"
-
-
-def _list_stated_ties(draft: Draft) -> Iterator[Tie]:
-    for agent in draft.agents:
-        for word, named in agent.relatives:
-            other = named or find_partner(agent, draft)
-            if word in _SIDES and other is not None:
-                yield agent, other, _SIDES[word]
 
 
 def _list_implied_ties(draft: Draft) -> Iterator[Tie]:
@@ -63,11 +62,6 @@ def _list_implied_ties(draft: Draft) -> Iterator[Tie]:
             yield relation.to, relation.from_, "same"
         if relation.type == "near_miss" and relation.kind == "head_on":
             yield relation.to, relation.from_, "opposite"
-
-
-def _is_facing(relation: RelationDraft) -> bool:
-    entry = relation.from_.entry
-    return entry is not None and relation.to.entry == OPPOSITE[entry]
 
 
 def _is_overruled(agent: AgentDraft, other: AgentDraft, side: EntrySide) -> bool:

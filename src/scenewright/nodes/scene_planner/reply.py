@@ -24,8 +24,10 @@ from scenewright.scene.kinds import is_heard, list_names
 from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import (
+    MOST_AGENTS,
     MOST_BACKGROUND,
     MOST_OBJECTS,
+    MOST_RELATIONS,
     AgentNode,
     Density,
     EntrySide,
@@ -44,7 +46,9 @@ TIME = f"^{_CLOCK}(-{_CLOCK})?$"
 _TEXT = "^[ !#-Z^-\uffff]{1,120}$"
 """Words in any script; decoders break on quotes, brackets, backslashes and control characters."""
 MOST_PATTERNS = 6
-ID = rf"^({'|'.join(get_args(AgentClass))})-[1-6]$"
+ID = rf"^({'|'.join(get_args(AgentClass))})-([1-9]|1[0-2])$"
+"""Of at most MOST_AGENTS agents."""
+
 _FIELDS = ("entry", "exit", "movement", "crosswalk")
 _WORD = re.compile(r"[a-z]+")
 _FIGURES = re.compile(
@@ -172,11 +176,11 @@ def build_plan_schema(
         {
             # What ends everything comes last: decoders keep to this order, and a weak model
             # takes the first key that it is offered.
-            "agents": build_array(build_object(agent, required=("id",)), most=6),
+            "agents": build_array(build_object(agent, required=("id",)), most=MOST_AGENTS),
             "relations": build_array(
-                build_object(relation, required=("type", "from", "to")), most=6
+                build_object(relation, required=("type", "from", "to")), most=MOST_RELATIONS
             ),
-            "ties": build_array(build_object(tie, required=tie), most=6),
+            "ties": build_array(build_object(tie, required=tie), most=MOST_AGENTS),
             **build_object_schema(words, side),
             "context": build_object(context),
             "said": build_array(build_object(said, required=("words", "became")), most=40),

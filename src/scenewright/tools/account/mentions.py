@@ -200,7 +200,8 @@ def _belongs_before(token: Token) -> bool:
         return True
     return token.has(
         "manner", "pace", "bound", "object", "opposite", "order", "side", "background", "left",
-        "right", "density", "straight", "jaywalking", "same", "lateral", "u turn", "uturn", "light",
+        "right", "density", "straight", "motion", "jaywalking", "same", "lateral", "u turn",
+        "uturn", "light",
     ) and not token.has("motion_verb", "event") and not token.is_in("not_attributes")  # fmt: skip
 
 

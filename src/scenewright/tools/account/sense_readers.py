@@ -353,11 +353,14 @@ def _read_light(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 def _read_stop(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     denied, stop = finder.is_denied(n), finder.tokens[n].is_in("standstill")
+    hit = any(s < n and finder.tokens[s].has("event.collision") for s, _ in finder.events)
 
     def holds(facts: SceneFacts, number: int) -> bool:
         slows = any(e.type == "yielding" and facts.has_role(e, number) for e in facts.events)
         stands = facts.stands(number) >= tests.LEAST_STANDSTILL or (slows and not stop)
-        return stands != denied
+        # the motion of those who collide ends there
+        ends = any(e.type == "collision" and number in (e.from_, e.to) for e in facts.events)
+        return stands != denied or (hit and ends and not denied)
 
     value = "does not stop" if denied else "stops"
     yield from _claim_all(finder, n, ("stop", value, "stands"), holds)

@@ -96,9 +96,17 @@ def read_number(
         Refused: a figure that no scene can have, with the most that it can.
     """
     if span.tag not in _KIND_OF:
-        return AskedNumber(tuple(_read_pace(span, draft, users)))
+        timed = [id(each.agent) for each in draft.measures if each.kind == "speed"]
+        own = (users[n] for n in span.subjects if n in users and id(users[n]) not in timed)
+        fast = bool(_FAST.search(span.words))
+        return AskedNumber(
+            tuple(MeasureDraft("speed", a, None, *_PACES[a.type][fast]) for a in own)
+        )
     span = _give_to_striker(_make_driven(span, text, spans), text, spans)
-    before = _get_words_before(span, text)
+    # What stands before the words in their own clause, and touches them.
+    tail = _TAIL.search(text[max(0, span.start - _NEAR) : span.start])
+    touching = _TOUCHES.search(tail[0]) if tail else None
+    before = touching[0] if touching else ""
     unit = parse_range(span.words, before, 0.0)
     after = text[span.end : span.end + _NEAR].partition(",")[0]
     kind = _find_kind(span, users, spans, after)
@@ -123,20 +131,9 @@ def read_number(
 
 def says_pace(span: ReadSpan) -> bool:
     """Whether the words ask for a fast or a slow agent: "speeding", "a slow van"."""
-    if span.tag not in ("pace", "follow", *MENTIONS):
+    if span.tag not in ("pace", "follow", "red", "left", "right", "straight", *MENTIONS):
         return False
     return not span.negated and bool(_FAST.search(span.words)) != bool(_SLOW.search(span.words))
-
-
-def _read_pace(
-    span: ReadSpan, draft: Draft, users: dict[int, AgentDraft]
-) -> Iterator[MeasureDraft]:
-    """Bounds for the speed of each agent that has no other speed asked for."""
-    timed = [id(each.agent) for each in draft.measures if each.kind == "speed"]
-    for agent in (users[n] for n in span.subjects if n in users):
-        if id(agent) not in timed:
-            low, high = _PACES[agent.type][bool(_FAST.search(span.words))]
-            yield MeasureDraft("speed", agent, None, low, high)
 
 
 def _make_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
@@ -148,13 +145,6 @@ def _make_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSp
 
 
 _DRIVING = compile_words("asked_numbers.driving")
-
-
-def _get_words_before(span: ReadSpan, text: str) -> str:
-    """What stands before the words in their own clause, and touches them."""
-    tail = _TAIL.search(text[max(0, span.start - _NEAR) : span.start])
-    match = _TOUCHES.search(tail[0]) if tail else None
-    return match[0] if match else ""
 
 
 _TOUCHES = compile_words("asked_numbers.touches")
@@ -171,26 +161,14 @@ def _give_to_striker(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> Re
     hit = next((s for s in reversed(before) if s.tag == "hit"), None)
     if hit is None:
         return span
-    if span.tag == "speed":
-        given = _is_speed_of_impact(span, text, before)
+    struck = before[-1]
+    if span.tag == "speed" and before[-2:-1] == [hit] and struck is not hit:
+        joined = _AT.match(text[struck.end : span.end]) is not None
+        given = joined and set(struck.subjects) <= set(hit.objects)
     else:
-        given = span.tag == "point" and _is_on_its_front(span, text, hit)
+        front = span.tag == "point" and _ITS_FRONT.search(text[hit.end : span.end]) is not None
+        given = front and set(span.subjects) <= {*hit.subjects, *hit.objects}
     return replace(span, subjects=hit.subjects) if given else span
-
-
-def _is_speed_of_impact(span: ReadSpan, text: str, before: Sequence[ReadSpan]) -> bool:
-    """Whether "at" alone joins a speed to the agent that is hit, named right after the verb."""
-    if len(before) < 2 or before[-2].tag != "hit" or before[-1].tag == "hit":
-        return False
-    hit, struck = before[-2:]
-    joined = _AT.match(text[struck.end : span.end]) is not None
-    return joined and set(struck.subjects) <= set(hit.objects)
-
-
-def _is_on_its_front(span: ReadSpan, text: str, hit: ReadSpan) -> bool:
-    """Whether a place is on "its front" after a collision of the agent that it was read of."""
-    said = _ITS_FRONT.search(text[hit.end : span.end]) is not None
-    return said and set(span.subjects) <= {*hit.subjects, *hit.objects}
 
 
 def _find_kind(
@@ -199,7 +177,12 @@ def _find_kind(
     """The kind of measure that a tag and its company say."""
     kind = _KIND_OF.get(span.tag)
     if span.tag == "point":
-        return _find_point(f"{span.words}{after}")
+        words = f"{span.words}{after}"
+        if _SIDE.search(words) and not re.search("front|width", words.lower()):
+            return "side_point"
+        if _LEFT.search(words):
+            return "front_point_left"
+        return "front_point_right" if _RIGHT.search(words) else "front_point"
     if span.tag in ("wait", "when") and _INTO.search(f"{span.words}{after}"):
         return "time"
     if span.tag != "speed":
@@ -213,14 +196,6 @@ def _find_kind(
     met = near is not None and bool(hits) and set(near.subjects) <= set(hits[-1].objects)
     drives = all(users[n].type == "vehicle" for n in own if n in users)
     return "contact_speed" if met and drives else kind
-
-
-def _find_point(words: str) -> MeasureKind:
-    if _SIDE.search(words) and "front" not in words.lower() and "width" not in words.lower():
-        return "side_point"
-    if _LEFT.search(words):
-        return "front_point_left"
-    return "front_point_right" if _RIGHT.search(words) else "front_point"
 
 
 def _is_in_lane(relation: RelationDraft) -> bool:

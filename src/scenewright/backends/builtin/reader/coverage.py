@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 
-from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.reader.reading import Reading
 from scenewright.backends.builtin.reader.words import COARSE, compile_words, find_subtype
 
 _SIDES = compile_words("coverage.sides")
 _MEASURES = compile_words("coverage.measures")
-_NEGATIONS = compile_negations("no one", "none", "cannot")
+_NEGATIONS = compile_words("coverage.negations")
 _EXCEPTED = re.compile(r"\b(?:all|every\w*|each) (?:but|except)\b", re.IGNORECASE)
 _DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")
 _SURELY_A_REFERENCE = 0.6
@@ -20,21 +19,17 @@ _NEAR = 30
 """Characters between a negation and the span that takes account of it."""
 
 
-def is_exception_unread(reading: Reading) -> bool:
-    """Whether words take one out of several, and nothing is read as denied: "all but one"."""
-    said = _EXCEPTED.search(reading.text) is not None
-    return said and not any(span.negated for span in reading.spans)
-
-
 def find_passed_over(reading: Reading) -> list[str]:
     """Sides, turns, measures and negations that no span takes account of."""
     covered = [(span.start, span.end) for span in reading.spans]
-    excepted = _EXCEPTED.search(reading.text) if is_exception_unread(reading) else None
-    found = [excepted[0]] if excepted else []
+    excepted = _EXCEPTED.search(reading.text)  # "all but one", and nothing is read as denied
+    found = [excepted[0]] if excepted and not any(s.negated for s in reading.spans) else []
+    denying = [s.start for s in reading.spans if s.negated or s.tag in _DENYING]
     for pattern in (_SIDES, _MEASURES, _NEGATIONS):
         for match in pattern.finditer(reading.text):
             inside = any(a < match.end() and match.start() < b for a, b in covered)
-            if not inside and not (pattern is _NEGATIONS and _is_denied_nearby(reading, match)):
+            near = any(-_NEAR < start - match.end() < _NEAR for start in denying)
+            if not inside and not (pattern is _NEGATIONS and near):  # "No [!hit crash]"
                 found.append(match[0])
     return found + _find_other_nouns(reading)
 
@@ -55,11 +50,3 @@ def _find_other_nouns(reading: Reading) -> list[str]:
 
 
 _PICKUP = re.compile(r"\bpick-?up|\bpolice\b|\bpatrol\b", re.IGNORECASE)
-
-
-def _is_denied_nearby(reading: Reading, match: re.Match[str]) -> bool:
-    """Whether a span close by says what is denied: "No [!hit crash]"."""
-    return any(
-        (span.negated or span.tag in _DENYING) and -_NEAR < span.start - match.end() < _NEAR
-        for span in reading.spans
-    )

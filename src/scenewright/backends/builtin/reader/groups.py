@@ -31,29 +31,10 @@ _TOGETHER = compile_words("groups.together")
 def join_groups(reading: Reading) -> Reading:
     """The reading with pedestrians that walk together as one road user."""
     for span in reading.spans:
-        if span.tag == "ped" and not span.negated:
-            count = _count_members(span, reading.text)
-            if count is not None and 2 <= count <= MOST_MEMBERS:
-                reading = _join(reading, span, count)
-    return _read_together(reading)
-
-
-def _read_together(reading: Reading) -> Reading:
-    """ "Side by side" is no event: pedestrians side by side are a group already, or it is said of
-    drivers."""
-    match = _TOGETHER.search(reading.text)
-    if match is None or not any((s.value or "").startswith(GROUP) for s in reading.spans):
-        return reading
-    spans = tuple(_drop_event(span, match) for span in reading.spans)
-    return replace(reading, spans=spans)
-
-
-def _drop_event(span: ReadSpan, match: re.Match[str]) -> ReadSpan:
-    inside = span.start < match.end() and match.start() < span.end
-    if not inside or span.tag in ("ped", "veh", "ref"):
-        return span
-    tag = "cross" if span.words.lower().startswith("cross") else "manner"
-    return replace(span, tag=tag, value=None, objects=(), confidence=_KNOWN)
+        count = _count_members(span, reading.text) if span.tag == "ped" else None
+        if count is not None and 2 <= count <= MOST_MEMBERS and not span.negated:
+            reading = _join(reading, span, count)
+    return reading
 
 
 def _count_members(span: ReadSpan, text: str) -> int | None:

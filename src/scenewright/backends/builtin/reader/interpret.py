@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
@@ -33,7 +33,6 @@ from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.orders import has_order_words
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.streets import find_named_legs, is_street_like
 from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
 from scenewright.backends.builtin.reader.words import (
     compile_words,
@@ -84,8 +83,6 @@ _NOT_ONE = re.compile(r"\bnot (?:a|an|one|any)\b|\bn't (?:a|any)\b", re.IGNORECA
 _TOO_LATE = compile_words("interpret.too_late")
 _ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
 _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
-_HERE = compile_words("interpret.here")
-"""Words of a place that are the junction itself."""
 _SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
 """What stands right before "impact" where that only says when."""
 _STOPS = re.compile(r"\b(?:stop|halt|wait)|\bpulls? up\b", re.IGNORECASE)
@@ -126,13 +123,6 @@ class AccountEntry:
     note: str | None = None
     measures: tuple[MeasureDraft, ...] = ()
 
-    def format_entry(self, names: dict[int, str]) -> str | None:
-        """The value with agents by name (id of a draft -> name in the social graph)."""
-        given = [
-            measure for each in self.measures if (measure := each.name_agents(names)) is not None
-        ]
-        return "; ".join(map(format_measure, given)) if given else self.value
-
 
 @dataclass
 class Interpretation:
@@ -141,9 +131,9 @@ class Interpretation:
     Attributes:
         braking: agents that brake hard; dodging: whether one swerves or jumps aside, which is all
             that is said of an event; times: spans that say the time of day; first: those that
-            say which agent passes first; behind: those that say this or which one follows; roads:
-            those that name a street; places: those that name another place; absent: those that say
-            that a class is not in the scene at all.
+            say which agent passes first; behind: those that say this or which one follows; places:
+            those that name another place; absent: those that say that a class is not in the scene
+            at all.
         eventful: whether the text names any event.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time; settling: whether all spans have been read.
@@ -159,7 +149,6 @@ class Interpretation:
     times: list[ReadSpan] = field(default_factory=list)
     first: list[ReadSpan] = field(default_factory=list)
     behind: list[ReadSpan] = field(default_factory=list)
-    roads: list[ReadSpan] = field(default_factory=list)
     absent: list[ReadSpan] = field(default_factory=list)
     numbers: list[ReadSpan] = field(default_factory=list)
     lanes: list[ReadSpan] = field(default_factory=list)
@@ -204,7 +193,12 @@ class Interpretation:
                     for number in each.users
                     if number in self.users and id(self.users[number]) in names
                 ),
-                value=each.format_entry(names),
+                value="; ".join(
+                    format_measure(measure)
+                    for draft in each.measures
+                    if (measure := draft.name_agents(names)) is not None
+                )
+                or each.value,
                 note=each.note,
             )
             for each in sorted(self.entries, key=lambda entry: entry.span.start)
@@ -295,7 +289,12 @@ def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
         if span.tag not in MENTIONS:
             continue  # a thing that only says where somebody moves: "blocks the box"
         if span.negated:
-            _deny_class(result, span)
+            result.absent.append(span)
+            kind = {"veh": "vehicles", "ped": "pedestrians"}.get(span.tag)
+            if kind is not None:
+                setattr(result.draft.context, kind, 0)
+            value = format_background({kind: 0}) if kind else "0"
+            result.enter(span, "background" if kind else "denied", value=value)
         elif _get_class(span) is None and number not in eventful:
             result.enter(span, "nothing", note=_UNKNOWN_CLASS[span.tag].lower())
         elif _get_class(span) is None:
@@ -360,32 +359,16 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
         else:
             agent.entry = OPPOSITE[bound]
             result.enter(span, "entry", (number,), agent.entry)
-    turn = _turn_in(result.text[max(0, span.start - 6) : span.start] + span.words)
+    words = result.text[max(0, span.start - 6) : span.start] + span.words
+    turn = "straight" if _THROUGH.search(words) else None
+    if match := _TURNING.search(words):  # "left-turner", "thru vehicle"
+        turn = "right" if (match[1] or match[2]).lower().startswith("r") else "left"
     if turn is not None:
         agent.movement = turn
         result.enter(span, "movement", (number,), turn)
     if _ONCOMING.search(span.words):
         agent.relatives.append(("opposite", None))
         result.enter(span, "tie", (number,), "opposite")
-
-
-def _turn_in(words: str) -> str | None:
-    """The movement in the words of a mention and just before it: "left-turner", "thru vehicle"."""
-    if match := _TURNING.search(words):
-        return "right" if (match[1] or match[2]).lower().startswith("r") else "left"
-    return "straight" if _THROUGH.search(words) else None
-
-
-def _deny_class(result: Interpretation, span: ReadSpan) -> None:
-    context = result.draft.context
-    result.absent.append(span)
-    if span.tag == "veh":
-        context.vehicles = 0
-    elif span.tag == "ped":
-        context.pedestrians = 0
-    kind = {"veh": "vehicles", "ped": "pedestrians"}.get(span.tag)
-    value = format_background({kind: 0}) if kind else "0"
-    result.enter(span, "background" if kind else "denied", value=value)
 
 
 def _read_yield(result: Interpretation, span: ReadSpan) -> None:
@@ -396,11 +379,7 @@ def _read_yield(result: Interpretation, span: ReadSpan) -> None:
 
 def _note(became: Became) -> Rule:
     """The rule for spans that change nothing in the draft."""
-
-    def enter(result: Interpretation, span: ReadSpan) -> None:
-        result.enter(span, became, span.subjects)
-
-    return enter
+    return lambda result, span: result.enter(span, became, span.subjects)
 
 
 def _keep(held: str) -> Rule:
@@ -436,9 +415,6 @@ def _settle_places(result: Interpretation) -> None:
         if pattern.zone == "sidewalk" and any(e.type == pattern.relation for e in walking)
     }
     for span in result.places:
-        if _HERE.search(span.words):
-            result.enter(span, "manner")
-            continue
         if not known or not _CORNER.search(span.words):
             raise Refused(
                 "out_of_scope",
@@ -459,8 +435,6 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
         )
     if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
         _brake(result, span)
-        return
-    if span.tag == "act" and _is_close_overtake(result, span):
         return
     if span.tag == "sight" and not _VIEW.search(span.words):
         result.enter(span, "manner", span.subjects)  # "overlooks", "does not see"
@@ -489,47 +463,31 @@ _OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|b
 _CLOSELY = re.compile(r"clos|tight|narrow|inch|whisker|squeez|brush|buzz|too near", re.IGNORECASE)
 
 
-def _is_close_overtake(result: Interpretation, span: ReadSpan) -> bool:
-    """Whether a vehicle overtakes the one rider too closely, which is a near miss of its own."""
-    riders = [number for number, agent in result.users.items() if agent.rides and agent.drives]
-    drivers = [n for n in span.subjects if n in result.users and not result.users[n].rides]
-    asked = _OVERTAKES.search(span.words) and _CLOSELY.search(result.text)
-    nears = all(s.tag == "near" for s in result.spans if s.tag in EVENTS and not s.negated)
-    if not nears or span.negated or not asked or (len(drivers), len(riders)) != (1, 1):
-        return False
-    edge = RelationDraft("near_miss", result.users[drivers[0]], result.users[riders[0]])
-    edge.pattern = "rider_close_overtaking"
-    _add_relation(result, edge)
-    result.enter(span, "relation", (*drivers, *riders), "near_miss")
-    return True
-
-
 def _read_overtaking(result: Interpretation) -> None:
     """ "Passes too closely" of a vehicle, then a rider: as a near miss, or marked as no event."""
     agents, relations = result.draft.agents, result.draft.relations
-    if (
-        len(agents) != 2
-        or agents[0].type != "vehicle"
-        or not (agents[1].rides and agents[1].drives)
+    if [a.type == "vehicle" for a in agents] != [True, False] or not (
+        agents[1].rides and agents[1].drives
     ):
         return
-    text = " ".join(s.words for s in result.spans if s.tag == "near") if relations else result.text
-    said = _OVERTAKES.search(text) and (_CLOSELY.search(text) or _is_within_reach(result))
+    said = " ".join(s.words for s in result.spans if s.tag in ("near", "act"))
+    text = said if relations else result.text
+    near = [measure_in(s.words) for s in result.numbers if s.tag in ("gap", "dist")]
+    within = any(each and each.unit == "m" and each.value < _CLOSE_CLEARANCE for each in near)
     edge = RelationDraft("near_miss", agents[0], agents[1]) if not result.eventful else None
     edge = relations[0] if [each.type for each in relations] == ["near_miss"] else edge
-    if said and edge is not None:
-        edge.pattern = "rider_close_overtaking"
-        _add_relation(result, edge)
+    if edge is None or not (_OVERTAKES.search(text) and (within or _CLOSELY.search(text))):
+        return
+    edge.pattern = "rider_close_overtaking"
+    _add_relation(result, edge)
+    for n, entry in enumerate(result.entries):
+        if entry.became == "nothing" and _OVERTAKES.search(entry.span.words):
+            pair = [k for k, agent in result.users.items() if agent in agents]
+            result.entries[n] = AccountEntry(entry.span, "relation", tuple(pair), "near_miss")
 
 
 _CLOSE_CLEARANCE = 1.5
 """Below this a rider is overtaken too closely [m] (docs/relations.md)."""
-
-
-def _is_within_reach(result: Interpretation) -> bool:
-    """Whether a clearance is said that is too little to overtake a rider with."""
-    found = (measure_in(span.words) for span in result.numbers if span.tag in ("gap", "dist"))
-    return any(each and each.unit == "m" and each.value < _CLOSE_CLEARANCE for each in found)
 
 
 def get_side(span: ReadSpan) -> str | None:
@@ -583,68 +541,59 @@ def _place(result: Interpretation, span: ReadSpan) -> None:
     side = _get_leg(result, span)
     if side is None:
         return
-    for number in span.subjects:
-        agent = result.users.get(number)
-        if agent is not None:
-            _write_side(result, number, agent, span, side)
+    for number in (each for each in span.subjects if each in result.users):
+        agent, own = result.users[number], side
+        walks = agent.walks
+        name: Became = "exit" if span.tag == "to" else "entry"
+        if span.tag == "cw" and (walks or agent.rides):
+            name = "crosswalk"
+            agent.movement = agent.movement or "crossing"
+            agent.marked = agent.marked or _MARKED.search(span.words) is not None
+        elif span.tag == "heading" and (walks or agent.entry not in (None, OPPOSITE[side])):
+            name = "exit"
+            if walks and agent.entry is None:
+                agent.entry = OPPOSITE[side]
+        elif span.tag == "heading":
+            own = OPPOSITE[side]
+        _put(result, agent, name, own, span.words)
+        result.enter(span, name, (number,), own)
 
 
 def _get_leg(result: Interpretation, span: ReadSpan) -> str | None:
-    """The leg that a span names, by its street or by the compass; None where that is left open.
+    """The leg that a span names by the compass; None where that is left open.
+
+    Names of streets of the map are put as compass names before a text is read.
 
     Raises:
         Refused: a street that no leg of the map bears.
     """
-    roads = result.draft.site.roads
-    named = find_named_legs(span.words, roads)
-    if len(named) == 1:
-        return named[0]
-    if not named and roads and is_street_like(span.words):
+    street, roads = _is_street_like(span.words), result.draft.site.roads
+    if street and roads:
         known = ", ".join(dict.fromkeys(road for _, road in roads))
         raise Refused(
             "impossible", f"No leg here is called '{span.words}'; the streets are {known}."
         )
-    side = None if named or is_street_like(span.words) else get_side(span)
+    side = None if street else get_side(span)
     if side is None:
-        note = "several legs bear this name; say which side" if named else "no leg has this name"
-        result.enter(span, "nothing", span.subjects, note=note)
+        result.enter(span, "nothing", span.subjects, note="no leg has this name")
     return side
 
 
-def _read_roads(result: Interpretation) -> None:
-    """ "On Amsterdam Avenue", once all sides are known; of one leg, it is where agents are from."""
-    for span in result.roads:
-        named = find_named_legs(span.words, result.draft.site.roads)
-        agents = result.list_agents(span.subjects)
-        lies_there = any(agent.entry in named or agent.crosswalk in named for agent in agents)
-        if lies_there or (not named and not is_street_like(span.words)):
-            result.enter(span, "road", span.subjects)
-        elif len(named) == 1 and all(agent.entry is None for agent in agents):
-            for agent in agents:
-                agent.entry = named[0]
-            result.enter(span, "entry", span.subjects, named[0])
-        else:
-            _get_leg(result, span)
-    result.roads = []
+def _is_street_like(words: str) -> bool:
+    """Whether some words are the name of a street: "Elm Road", not "the road"."""
+    return _STREET.search(words) is not None and _BARE_ROAD.match(words.strip()) is None
 
 
-def _write_side(
-    result: Interpretation, number: int, agent: AgentDraft, span: ReadSpan, side: str
-) -> None:
-    walks = agent.walks
-    name: Became = "exit" if span.tag == "to" else "entry"
-    if span.tag == "cw" and (walks or agent.rides):
-        name = "crosswalk"
-        agent.movement = agent.movement or "crossing"
-        agent.marked = agent.marked or _MARKED.search(span.words) is not None
-    elif span.tag == "heading" and (walks or agent.entry not in (None, OPPOSITE[side])):
-        name = "exit"
-        if walks and agent.entry is None:
-            agent.entry = OPPOSITE[side]
-    elif span.tag == "heading":
-        side = OPPOSITE[side]
-    _put(result, agent, name, side, span.words)
-    result.enter(span, name, (number,), side)
+_STREET = compile_words("streets.named")
+_BARE_ROAD = compile_words("streets.bare_road")
+
+
+def _read_road(result: Interpretation, span: ReadSpan) -> None:
+    """ "On the main road", "on Elm Road"."""
+    if _is_street_like(span.words):
+        _get_leg(result, span)
+    else:
+        result.enter(span, "road", span.subjects)
 
 
 def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
@@ -693,7 +642,13 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
     walks = name in ("crossing", "jaywalking")
     for number in span.subjects:
         agent = result.users.get(number)
-        if agent is None or not _can_go(agent, span, name):
+        if agent is None:
+            continue
+        fits = walks == (agent.type == "pedestrian")
+        if agent.rides:  # a rider crosses where a crosswalk is named
+            marked = agent.walks or _MARKED.search(span.words) is not None
+            fits = name == "crossing" and marked if walks else not agent.walks
+        if not fits:
             continue
         if not walks:
             _put(result, agent, "movement", name, span.words)
@@ -702,16 +657,6 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
             if name == "jaywalking" and result.changing:
                 agent.crosswalk = None
         result.enter(span, "movement", (number,), name)
-
-
-def _can_go(agent: AgentDraft, span: ReadSpan, movement: str) -> bool:
-    """Whether a word for a movement fits the class; a rider crosses where a crosswalk is named."""
-    walks = movement in ("crossing", "jaywalking")
-    if not agent.rides:
-        return walks == (agent.type == "pedestrian")
-    if walks:
-        return movement == "crossing" and (agent.walks or _MARKED.search(span.words) is not None)
-    return not agent.walks
 
 
 def _run_red(result: Interpretation, span: ReadSpan) -> None:
@@ -735,12 +680,10 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         result.denied.append(span)
         return
     users = result.users
-    named = [(a, b) for a, b in _list_pairs(span) if a in users and b in users and a != b]
     if span.tag == "follow" and _BEHIND.search(span.words) and not result.settling:
         result.behind.append(span)
         return
-    pairs = _chain_followers(named) if span.tag == "follow" else named
-    pairs = pairs or _add_striker(result, span) or _add_implied(result, span)
+    pairs = _list_pairs(span, users) or _add_implied(result, span)
     if not pairs and span.tag == "yield" and len(users) == 1 and _STOPS.search(span.words):
         result.enter(span, "signals", span.subjects)  # alone it stops for a light
         return
@@ -750,7 +693,7 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             f"The text says '{span.words}', but not between which agents; say which road user "
             "collides with, nearly hits, gives way to or follows which other.",
         )
-    for first, second in _keep_fitting_classes(span.tag, pairs, users):
+    for first, second in [p for p in pairs if _fits(span.tag, users[p[0]], users[p[1]])] or pairs:
         pair = frozenset((id(users[first]), id(users[second])))
         near = any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
         if near and _HEAD_ON.fullmatch(span.words):  # it says how the two nearly collide
@@ -775,25 +718,30 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             result.enter(span, "order", (first, second))
 
 
-def _list_pairs(span: ReadSpan) -> list[tuple[int, int]]:
-    """Every one with every other, but in turn where "a car with a woman and a van with a man"."""
-    turns = list(zip(sorted(span.subjects), sorted(span.objects), strict=False))
-    flat = [number for pair in turns for number in pair]
-    if len(span.subjects) == len(span.objects) and flat == sorted({*flat}):
-        return turns
-    return [(a, b) for a in span.subjects for b in span.objects]
+def _list_pairs(span: ReadSpan, users: Collection[int]) -> list[tuple[int, int]]:
+    """Every one with every other, but in turn where "a car with a woman and a van with a man".
+
+    Several followers of one leader drive one behind the other: "seven cars follow a bus".
+    """
+    pairs = list(zip(sorted(span.subjects), sorted(span.objects), strict=False))
+    flat = [number for pair in pairs for number in pair]
+    if len(span.subjects) != len(span.objects) or flat != sorted({*flat}):
+        pairs = [(a, b) for a in span.subjects for b in span.objects]
+    pairs = [(a, b) for a, b in pairs if a in users and b in users and a != b]
+    followers, leaders = [a for a, _ in pairs], {b for _, b in pairs}
+    if span.tag != "follow" or len(leaders) != 1:
+        return pairs
+    return list(zip(followers, [*leaders, *followers[:-1]], strict=True))
 
 
 _HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
 
 
-def _add_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
-    """The pair of a vehicle that is hit from behind by an unnamed one."""
-    struck = [n for n in span.objects if n in result.users]
-    behind = (span.tag, span.value) == ("hit", "rear") and not span.subjects
-    if not behind or [result.users[n].type for n in struck] != ["vehicle"]:
-        return []
-    return [(_add_implied_vehicle(result), struck[0])]
+def _fits(tag: str, first: AgentDraft, second: AgentDraft) -> bool:
+    """Whether two of their classes can have such a relation."""
+    if tag == "follow":
+        return first.walks == second.walks
+    return {first.type, second.type} != {"pedestrian"}
 
 
 def _move_so(result: Interpretation, span: ReadSpan) -> None:
@@ -859,9 +807,12 @@ def _add_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]
     """The pair of an event of which the text names but one party, or none: "pedestrian strike".
 
     The other one is a vehicle. Nothing is implied of a vehicle alone, but that it gives way to
-    traffic.
+    traffic, or is hit from behind.
     """
     known = [n for n in (*span.subjects, *span.objects) if n in result.users]
+    behind = (span.tag, span.value) == ("hit", "rear") and not span.subjects
+    if behind and [result.users[n].type for n in known] == ["vehicle"]:
+        return [(_add_implied_vehicle(result), known[0])]
     traffic = _TRAFFIC.search(result.text, span.start)
     if span.tag in ("hit", "near") and not result.users:
         return [(_add_implied_vehicle(result), _add_implied_vehicle(result))]
@@ -883,28 +834,6 @@ def _add_implied_vehicle(result: Interpretation) -> int:
     result.users[number] = agent
     result.draft.agents.append(agent)
     return number
-
-
-def _chain_followers(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Several followers of one leader drive one behind the other: "seven cars follow a bus"."""
-    followers, leaders = [a for a, _ in pairs], {b for _, b in pairs}
-    if len(leaders) != 1:
-        return pairs
-    return list(zip(followers, [*leaders, *followers[:-1]], strict=True))
-
-
-def _keep_fitting_classes(
-    tag: str, pairs: Sequence[tuple[int, int]], users: dict[int, AgentDraft]
-) -> Sequence[tuple[int, int]]:
-    """The pairs whose classes can have such a relation, as far as there are any."""
-
-    def fits(pair: tuple[int, int]) -> bool:
-        first, second = (users[number] for number in pair)
-        if tag == "follow":
-            return first.walks == second.walks
-        return {first.type, second.type} != {"pedestrian"}
-
-    return [pair for pair in pairs if fits(pair)] or pairs
 
 
 def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
@@ -963,7 +892,17 @@ def _set_normal(result: Interpretation, span: ReadSpan) -> None:
 
 def _set_background(result: Interpretation, span: ReadSpan) -> None:
     """Numbers of background agents; those per leg, of riders or without a figure become nothing."""
-    number, after = _count_background(result, span), result.text[span.end :]
+    none = span.negated or _NOT_ONE.search(span.words) is not None
+    number, after = 0 if none else number_in(span.words), result.text[span.end :]
+    if number is None and _NOBODY.search(span.words):
+        number = 0
+    if number is not None and number > MOST_BACKGROUND:
+        raise Refused(
+            "out_of_scope",
+            f"'{span.words}' are more than the {MOST_BACKGROUND} that a scene can hold.",
+        )
+    if number == 0 and _NONE_AT_ALL.search(span.words):
+        result.absent.append(span)
     uncounted = number is None and _MANY.search(span.words) is not None
     if uncounted or _PER_LEG.match(after) or (number and _RIDERS.search(span.words)):
         result.enter(span, "nothing", note="say how many vehicles or pedestrians in all")
@@ -979,26 +918,6 @@ def _set_background(result: Interpretation, span: ReadSpan) -> None:
     kinds = {"bgveh": ("vehicles",), "bgped": ("pedestrians",)}.get(span.tag, _OF_BOTH)
     value = None if number is None else format_background(dict.fromkeys(kinds, number))
     result.enter(span, "background", value=value)
-
-
-def _count_background(result: Interpretation, span: ReadSpan) -> int | None:
-    """The number in the words; 0 where they deny any.
-
-    Raises:
-        Refused: more than a scene can hold.
-    """
-    none = span.negated or _NOT_ONE.search(span.words) is not None
-    number = 0 if none else number_in(span.words)
-    if number is None and _NOBODY.search(span.words):
-        number = 0
-    if number is not None and number > MOST_BACKGROUND:
-        raise Refused(
-            "out_of_scope",
-            f"'{span.words}' are more than the {MOST_BACKGROUND} that a scene can hold.",
-        )
-    if number == 0 and _NONE_AT_ALL.search(span.words):
-        result.absent.append(span)
-    return number
 
 
 _OF_BOTH = ("vehicles", "pedestrians")
@@ -1045,7 +964,11 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     if clock is None:
         figures = CLOCK.search(low)
         clock = read_clock(f"at {figures[0] if figures else low}")
-    time = _find_agreed_time(_keep_specific(names), clock) if names or clock else None
+    if "rush hour" in names and {"morning", "evening", "afternoon"} & {*names}:
+        names = ["morning rush" if "morning" in names else "evening rush"]
+    elif len(names) > 1:
+        names = [name for name in names if name != "rush hour"]
+    time = _find_agreed_time(names, clock) if names or clock else None
     if time is None:  # a date, a weekday
         result.enter(span, "nothing", note="no time of day that is known")
         return
@@ -1089,17 +1012,6 @@ def _shift_half_a_day(clock: str) -> str:
     return re.sub(r"\b(\d\d):", lambda m: f"{(int(m[1]) + 12) % 24:02d}:", clock)
 
 
-def _keep_specific(names: list[str]) -> list[str]:
-    """ "rush hour ... in the morning" is the morning rush."""
-    if "rush hour" in names and "morning" in names:
-        return ["morning rush"]
-    if "rush hour" in names and {"evening", "afternoon"} & set(names):
-        return ["evening rush"]
-    if "rush hour" in names and len(names) > 1:
-        return [name for name in names if name != "rush hour"]
-    return names
-
-
 _SEVERITY = {"pet": "pet", "ttc": "ttc", "contact_speed": "speed"}
 """Fields of the draft's context by kind of measure."""
 
@@ -1110,28 +1022,26 @@ def _read_numbers(result: Interpretation) -> None:
     """Figures, once all that happens is known, and then words of pace."""
     for span in (*result.numbers, *filter(says_pace, result.spans)):
         asked = read_number(span, result.text, result.draft, result.users, result.spans)
-        if asked is None:
-            _pass_over_number(result, span)
+        bare = measure_in(span.words) is None
+        if asked is None and bare and (span.tag in _SEVERE or _has_figure(result, span)):
+            result.enter(span, "manner", span.subjects)
+        elif asked is None and span.tag == "point":
+            result.enter(span, "impact_point", span.subjects)
+        elif asked is None:  # words that give no figure a scene can have
+            note = _BEYOND.get(span.tag, "not modelled")
+            result.enter(span, "nothing", span.subjects, note=note)
         elif asked.severity is not None:
             kind, value = asked.severity
             setattr(result.draft.context, _SEVERITY[kind], value)
             result.enter(span, "measure", value=_TOLD[kind].format(value))
         else:
-            _add_measures(result, span, asked.measures)
+            drafts, new = result.draft.measures, asked.measures
+            of = {(each.kind, each.agent, each.other) for each in new}
+            if result.changing:  # they take the place of earlier ones of their kind
+                drafts[:] = [e for e in drafts if (e.kind, e.agent, e.other) not in of]
+            drafts += new
+            result.entries.append(AccountEntry(span, "measure", span.subjects, measures=new))
     result.numbers = []
-
-
-def _add_measures(
-    result: Interpretation, span: ReadSpan, measures: tuple[MeasureDraft, ...]
-) -> None:
-    """Measures in the draft; in a change they take the place of earlier ones of their kind."""
-    drafts = result.draft.measures
-    for new in measures:
-        same = [e for e in drafts if (e.kind, e.agent, e.other) == (new.kind, new.agent, new.other)]
-        if result.changing:
-            drafts[:] = [each for each in drafts if each not in same]
-        drafts.append(new)
-    result.entries.append(AccountEntry(span, "measure", span.subjects, measures=measures))
 
 
 _SEVERE = ("impact", "pet", "ttc", "gap")
@@ -1148,21 +1058,8 @@ def _has_figure(result: Interpretation, span: ReadSpan) -> bool:
     )
 
 
-def _pass_over_number(result: Interpretation, span: ReadSpan) -> None:
-    """Words of a measure that give no figure a scene can have."""
-    bare = measure_in(span.words) is None
-    if bare and (span.tag in _SEVERE or _has_figure(result, span)):
-        result.enter(span, "manner", span.subjects)
-    elif span.tag == "point":
-        result.enter(span, "impact_point", span.subjects)
-    else:
-        note = _BEYOND.get(span.tag, "not modelled")
-        result.enter(span, "nothing", span.subjects, note=note)
-
-
 def _settle(result: Interpretation) -> None:
     """Braking becomes a cause, and what is denied is held against what is said."""
-    _read_roads(result)
     result.settling = True
     _read_behind(result)
     result.settling = False
@@ -1181,6 +1078,9 @@ def _settle(result: Interpretation) -> None:
     if threatened and not draft.relations and len(draft.agents) == 2:
         first, second = draft.agents
         draft.relations.append(RelationDraft("near_miss", first, second))
+    if any(s.value == "opp" and _HEAD_ON.fullmatch(s.words) for s in result.spans):
+        for edge in (e for e in draft.relations if e.type == "collide_at"):
+            edge.kind = edge.kind or find_marked("collision", "head")
     settle_lead_braking(result)
     settle_lanes(result)
     for agent in map(result.users.get, result.braking):
@@ -1189,8 +1089,14 @@ def _settle(result: Interpretation) -> None:
             if agent is not None and dangerous and agent in (edge.from_, edge.to):
                 edge.cause = find_marked("cause", "brakes")
                 edge.braker = agent if agent.type == "vehicle" else None  # riders brake softly
-    for span in result.absent:
-        _check_absent(result, span)
+    for span in result.absent if not result.changing else ():
+        denied = {"veh": "vehicle", "ped": "pedestrian"}.get(span.tag.removeprefix("bg"))
+        if any(a.type == denied for a in draft.agents) or (span.tag == "bgall" and draft.agents):
+            raise Refused(
+                "contradictory",
+                f"'{span.words}' says that there is none, and the text describes one; drop one of "
+                "the two.",
+            )
     for span in result.denied:
         if span.tag in RELATIONS:
             _deny_event(result, span)
@@ -1254,7 +1160,14 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
             if not has_order_words(span.words):
                 result.enter(span, "manner", (first, second))
                 return
-            raise Refused("contradictory", _describe_two_orders(edge, span))
+            does = {"yield_to": "gives way", "follow": "follows"}.get(edge.type, "runs into it")
+            raise Refused(
+                "contradictory",
+                f"The text has either of the two pass first ('{span.words}'); keep one of the two."
+                if edge.ahead is None
+                else f"The agent that {does} comes second, so '{span.words}' contradicts it; keep "
+                "one of the two, or say that the two nearly collide.",
+            )
     (edge, *_) = edges
     if edge.ahead is not None:
         result.enter(span, "relation", (second, first), edge.type)
@@ -1276,34 +1189,21 @@ def _is_measured(result: Interpretation) -> bool:
     return False
 
 
-def _describe_two_orders(edge: RelationDraft, span: ReadSpan) -> str:
-    does = {"yield_to": "gives way", "follow": "follows"}.get(edge.type, "runs into the other")
-    if edge.ahead is None:
-        return f"The text has either of the two pass first ('{span.words}'); keep one of the two."
-    return (
-        f"The agent that {does} comes second, so '{span.words}' contradicts it; keep one of the "
-        "two, or say that the two nearly collide."
-    )
-
-
-def _check_absent(result: Interpretation, span: ReadSpan) -> None:
-    """Refuse a text that denies all agents of a class and names one of that class."""
-    classes = {"veh": "vehicle", "bgveh": "vehicle", "ped": "pedestrian", "bgped": "pedestrian"}
-    denied = classes.get(span.tag)
-    named = [a for a in result.draft.agents if denied is None or a.type == denied]
-    if named and (denied is not None or span.tag == "bgall") and not result.changing:
-        raise Refused(
-            "contradictory",
-            f"'{span.words}' says that there is none, and the text describes one; drop one of the "
-            "two.",
-        )
-
-
 def _deny_event(result: Interpretation, span: ReadSpan) -> None:
     """A denied event contradicts the same event; a yield that fails, alone, is a near miss."""
     draft, kind = result.draft, RELATIONS[span.tag]
     involved = result.list_agents((*span.subjects, *span.objects))
-    same = [edge for edge in draft.relations if edge.type == kind and _is_meant(result, span, edge)]
+    both = [result.list_agents(each) for each in (span.subjects, span.objects)]
+    same = [  # "A did not hit B, B hit A" denies another one
+        edge
+        for edge in draft.relations
+        if edge.type == kind
+        and (
+            edge.from_ in both[0] and edge.to in both[1]
+            if all(both)
+            else all(agent in (edge.from_, edge.to) for agent in involved)
+        )
+    ]
     result.enter(span, "denied", (*span.subjects, *span.objects), kind)
     if result.changing:
         draft.relations[:] = [edge for edge in draft.relations if edge not in same]
@@ -1319,14 +1219,6 @@ def _deny_event(result: Interpretation, span: ReadSpan) -> None:
             if len(pair) == 2 and not any(edge.pair() == pair for edge in draft.relations):
                 draft.relations.append(RelationDraft("near_miss", involved[0], other))
     draft.denied.add(kind)
-
-
-def _is_meant(result: Interpretation, span: ReadSpan, edge: RelationDraft) -> bool:
-    """Whether a denial is of this event; "A did not hit B, B hit A" denies another one."""
-    subjects, objects = result.list_agents(span.subjects), result.list_agents(span.objects)
-    if subjects and objects:
-        return edge.from_ in subjects and edge.to in objects
-    return all(agent in (edge.from_, edge.to) for agent in (*subjects, *objects))
 
 
 def _deny_way(result: Interpretation, span: ReadSpan) -> None:
@@ -1379,6 +1271,6 @@ _RULES: dict[str, Rule] = {
     "ref": _refer,
     "del": _note("retracted"),
     "light": _note("signals"),
-    "road": _keep("roads"),
+    "road": _read_road,
 }
 """What is done with a span, by its tag; all others are left out, and said to be."""

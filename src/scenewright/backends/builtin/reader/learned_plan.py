@@ -91,14 +91,12 @@ def read_again(
     """
     reading = read_text(opener + text)
     kept = [at for at, span in enumerate(reading.spans) if span.start >= len(opener)]
-    spans = tuple(_shift(reading.spans[at], -len(opener)) for at in kept)
+    at_start = len(opener)
+    own = [reading.spans[at] for at in kept]
+    spans = tuple(replace(s, start=s.start - at_start, end=s.end - at_start) for s in own)
     users = {user: kept.index(at) for user, at in reading.users.items() if at in kept}
     shifted = replace(reading, text=text, spans=spans, users=users)
     return plan_reading(shifted, site or Site(), text, phrases)
-
-
-def _shift(span: ReadSpan, characters: int) -> ReadSpan:
-    return replace(span, start=span.start + characters, end=span.end + characters)
 
 
 def plan_reading(
@@ -155,7 +153,11 @@ def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObj
     # Without a contact in the text, a denied one is between no agents in particular.
     contact = any(each.tag == "hit" and not each.negated for each in reading.spans)
     silent = ("manner", "ref") if contact else ("manner", "ref", "no contact")
-    spans = [span.confidence for span in reading.spans if _get_part(span) not in silent]
+    spans = [
+        span.confidence
+        for span in reading.spans
+        if ("no contact" if _denies_contact(span) else span.tag) not in silent
+    ]
     spans += [span.confidence for each in objects for span in each.list_spans()]
     passed = find_passed_over(whole if objects else reading)
     if reading.kind in ("scene", "edit") and (passed or is_no_change(reading)):
@@ -166,11 +168,10 @@ def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObj
 _DENIES = compile_words("learned_plan.denies")
 
 
-def _get_part(span: ReadSpan) -> str:
-    """The tag of a span, or "no contact": beside what does happen, nothing hangs on who is meant,
-    as no scene has a contact that the text does not ask for."""
-    denies = span.tag == "hit" and span.negated and _DENIES.search(span.words)
-    return "no contact" if denies else span.tag
+def _denies_contact(span: ReadSpan) -> bool:
+    """Whether words only deny a contact: beside what does happen, nothing hangs on who is meant,
+    as no scene has one that the text does not ask for."""
+    return span.tag == "hit" and span.negated and _DENIES.search(span.words) is not None
 
 
 def is_no_change(reading: Reading) -> bool:

@@ -29,7 +29,6 @@ _STOPS = re.compile(r"\b(?:stop|brake|halt)\w*\b", re.IGNORECASE)
 
 _CLOSE_UP = compile_words("manoeuvres.close_up")
 _LANE_CHANGE = compile_words("manoeuvres.lane_change")
-_SWERVES = re.compile(r"(?:swerv|mov|drift|pull|cut)\w*(?: over| across)?$", re.IGNORECASE)
 _NEAR = 45
 """Characters behind the words of a follow in which it may be said that it is a close one."""
 
@@ -37,16 +36,16 @@ _SHORT_OF = re.compile(r"^(?:right|just)$", re.IGNORECASE)
 _CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
 _TURNS_GREEN = compile_words("manoeuvres.turns_green")
 _RIGHT_ON_RED = compile_words("manoeuvres.right_on_red")
-_MARKED = re.compile(r"crosswalk|zebra", re.IGNORECASE)
-_ROADWAY = re.compile(r"road|street|lane|block", re.IGNORECASE)
 _PASSIVE_REAR = compile_words("manoeuvres.passive_rear")
+_FOR = re.compile(r"^ (?:for|to let) $", re.IGNORECASE)
 _CANNOT = compile_words("manoeuvres.cannot")
 _CORNER = re.compile(r"\b(?:at|on) (?:the|a) (?:street )?corner\b", re.IGNORECASE)
-_HOOK = re.compile(r"\bhook|\bcross", re.IGNORECASE)
+_HERE = compile_words("manoeuvres.here")
+"""Words of a place that are the junction itself, or say where people are on their way to."""
+
 _TURNS = re.compile(r"(?:turn\w*|veer\w*|going|heading|bear\w*|swing\w*) $", re.IGNORECASE)
 _ADVERB = re.compile(r"(?:\w+ly|just|almost)\b", re.IGNORECASE)
 """Words for a near miss that stand on their own: the word before them is no part of them."""
-_FOR = re.compile(r"^ (?:for|to let) $", re.IGNORECASE)
 
 
 def correct_manoeuvres(reading: Reading) -> Reading:
@@ -61,7 +60,6 @@ def correct_manoeuvres(reading: Reading) -> Reading:
             continue
         if span.tag in ("right", "place") and _SHORT_OF.search(span.words):
             spans[n] = replace(span, tag="manner", confidence=_KNOWN)
-    _weaken_hooks(spans)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
     _separate_red(reading.text, spans)
@@ -69,15 +67,6 @@ def correct_manoeuvres(reading: Reading) -> Reading:
     if not any(span.tag in ("veh", "cyc", "scoot") for span in spans):
         _read_corner(reading, spans)
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
-
-
-def _weaken_hooks(spans: list[ReadSpan]) -> None:
-    """ "Right-hooks a cyclist and nearly hits him": the hook is no more than the near miss."""
-    near = [{*span.subjects, *span.objects} for span in spans if span.tag == "near"]
-    for n, span in enumerate(spans):
-        pair = {*span.subjects, *span.objects}
-        if span.tag == "hit" and _HOOK.search(span.words) and pair in near:
-            spans[n] = replace(span, tag="near", value=None)
 
 
 def _separate_red(text: str, spans: list[ReadSpan]) -> None:
@@ -95,14 +84,10 @@ def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
     """ "Turns right on red" is a turn, and a red light that is run."""
     for match in _RIGHT_ON_RED.finditer(reading.text):
         owner = _find_owner(spans, match, drives=True)
-        if owner is not None and not any(
-            s.tag == "red" and _is_overlapping(s, match) for s in spans
-        ):
-            start, end = match.span("red")
-            added = ReadSpan(
-                start, end, match["red"], "red", None, False, None, (owner,), (), _KNOWN
-            )
-            spans.append(added)
+        marked = any(s.tag == "red" and _is_overlapping(s, match) for s in spans)
+        if owner is not None and not marked:
+            place = (*match.span("red"), match["red"], "red", None)
+            spans.append(ReadSpan(*place, False, None, (owner,), (), _KNOWN))
 
 
 def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
@@ -125,50 +110,18 @@ def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
 
 
 def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
-    """How a pedestrian crosses, as spans of their own; what lies within says no more."""
+    """How a pedestrian crosses, where words of an event say it: "darts out in front of"."""
     for pattern, motion in list_readings("motion"):
+        if find_marked("motion", motion, of="vehicle") is not None:
+            continue
         for match in pattern.finditer(reading.text):
-            owner = _find_owner(
-                spans, match, drives=find_marked("motion", motion, of="vehicle") is not None
-            )
-            marked = [
-                n for n, s in enumerate(spans) if s.tag == "motion" and _is_overlapping(s, match)
-            ]
-            if owner is None or any(spans[n] not in reading.spans for n in marked):
+            touching = [span for span in spans if _is_overlapping(span, match)]
+            owner = _find_owner(spans, match)
+            if owner is None or all(span.tag not in ("near", "jay", "cross") for span in touching):
                 continue
-            for n, span in enumerate(spans):
-                inside = motion == "box" and span.start > match.start()
-                if _is_overlapping(span, match) and (inside or span.tag in _OF_THE_WAY):
-                    spans[n] = _settle_way(span, match, motion)
-            start, end = match.span()
-            said = ReadSpan(
-                start, end, match[0], "motion", motion, False, None, (owner,), (), _KNOWN
-            )
-            # The words say in full what the encoder marks a part of.
-            if marked:
-                spans[marked[0]] = said
-            else:
-                spans.append(said)
-
-
-_OF_THE_WAY = (
-    *("jay", "cross", "act", "turn", "cw", "yield", "near", "pace", "manner", "dist", "red"),
-    *("light", "broken", "thing", "place", "uturn", "brake"),
-)
-
-
-def _settle_way(span: ReadSpan, match: re.Match[str], motion: str) -> ReadSpan:
-    """A span of the words of a motion: a crossing stays one, what is no event says no more."""
-    sure = max(span.confidence, _KNOWN)
-    if span.tag in ("jay", "cross") and motion == "midway":
-        words = match[0] + span.words
-        walks = _MARKED.search(words) or not _ROADWAY.search(words)
-        return replace(span, tag="cross" if walks else span.tag, confidence=sure)
-    if span.tag in ("cross", "jay", "cw", "near"):
-        return replace(span, confidence=sure)
-    if span.tag == "yield" and span.objects:
-        return span
-    return replace(span, tag="manner", confidence=sure)
+            if all(span.tag != "motion" for span in touching):
+                place = (*match.span(), match[0], "motion", motion)
+                spans.append(ReadSpan(*place, False, None, (owner,), (), _KNOWN))
 
 
 def _find_owner(spans: list[ReadSpan], match: re.Match[str], *, drives: bool = False) -> int | None:
@@ -194,15 +147,13 @@ def _is_overlapping(span: ReadSpan, match: re.Match[str]) -> bool:
 
 def _correct_span(span: ReadSpan, *, driving: bool) -> ReadSpan:
     sure = max(span.confidence, _KNOWN)
+    if span.tag in ("place", "act") and _HERE.search(span.words):
+        return replace(span, tag="manner")
     if span.tag == "place" and _LANE_CHANGE.search(span.words):
         return replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
-    if span.tag == "act" and _LANE_CHANGE.search(span.words):
-        return replace(span, confidence=sure)
-    if span.tag == "follow" and _CLOSE_UP.search(span.words):
-        return replace(span, confidence=sure)
     if span.tag not in ("hit", "near", "yield", "follow") or not driving:
         return span
-    if is_stopping_in_time(span):
+    if _IN_TIME.search(span.words) and not _NARROWLY.search(span.words):
         known = replace(span, negated=False, confidence=sure)
         if _CANNOT.search(span.words):
             return replace(known, tag="hit", value="rear")
@@ -226,11 +177,6 @@ def _read_corner(reading: Reading, spans: list[ReadSpan]) -> None:
         spans.append(ReadSpan(start, end, match[0], "place", None, False, None, (), (), _KNOWN))
 
 
-def is_stopping_in_time(span: ReadSpan) -> bool:
-    """Whether the words say that a vehicle stops in time, with nothing that makes it narrow."""
-    return bool(_IN_TIME.search(span.words)) and not _NARROWLY.search(span.words)
-
-
 def settle_lanes(result: Interpretation) -> None:
     """Following close up, and lane changes, are manoeuvres of the relations that they belong to."""
     for n, entry in enumerate(result.entries):
@@ -247,21 +193,6 @@ def settle_lanes(result: Interpretation) -> None:
             if edge_ is not None and entry.became == "nothing":
                 known = replace(entry, became="manoeuvre", value=edge_.manoeuvre)
                 result.entries[n] = replace(known, note=None)
-    _take_in_swerves(result)
-
-
-def _take_in_swerves(result: Interpretation) -> None:
-    """ "Swerves" beside words for a lane change says the same."""
-    for n, entry in enumerate(result.entries):
-        agents = result.list_agents(entry.users)
-        changes = [
-            edge.manoeuvre
-            for edge in result.draft.relations
-            if edge.manoeuvre in {_find_change(edge)} - {None} and agents[:1] == [edge.from_]
-        ]
-        if changes and entry.became == "nothing" and _SWERVES.match(entry.span.words):
-            known = replace(entry, became="manoeuvre", value=changes[0])
-            result.entries[n] = replace(known, note=None)
 
 
 def _find_change(edge: RelationDraft) -> str | None:

@@ -9,23 +9,17 @@ from itertools import pairwise
 
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import WORDS, compile_words, find_subtype
+from scenewright.backends.builtin.reader.words import (
+    WORDS,
+    compile_words,
+    find_nouns,
+)
 
 _SPEAKER = re.compile(r"^(?:i|me|we|us|myself)$", re.IGNORECASE)
 _OWN = re.compile(r"^(?:my|our) [\w -]+$", re.IGNORECASE)
-_OWN_VEHICLE = compile_words("merging.own_vehicle")
 
 _FUNCTION_WORDS = frozenset(WORDS["merging"]["function_words"])
 _ARTICLE = re.compile(r"an?|the", re.IGNORECASE)
-_ANOTHER = compile_words("merging.another")
-_RIDES = compile_words("merging.rides")
-"""Between a person and the vehicle that the person drives, which are one road user."""
-
-_DRIVER = compile_words("merging.driver")
-_ON_FOOT = re.compile(
-    r"\b(?:ped\w*|walker|jogger|runner|m[ae]n|wom[ae]n|girl|boy|kid|child|lady|person|student)\b",
-    re.IGNORECASE,
-)
 _WALKER = compile_words("merging.walker")
 """Nouns of those who are on foot, never of drivers."""
 
@@ -33,32 +27,14 @@ _ON_THE = compile_words("merging.on_the")
 """Between a rider and the crosswalk that it rides on."""
 
 _SURELY = 0.95
-_ANOTHER_INSIDE = re.compile(
-    rf"\b(?:another|a second|a different) (?:{_ON_FOOT.pattern}|(?:car|van|taxi|cab|bus|truck|"
-    r"lorry|vehicle|motorcycle|motorbike|suv|sedan|pickup)\b)$",
-    re.IGNORECASE,
-)
-_TOUCHING = 4
-"""Characters between an event and the mention that is its object."""
-
-_NOUN = compile_words("merging.noun")
 
 
 def merge_mentions(reading: Reading) -> Reading:
-    """The reading with mentions of one road user made one: "I ... my moped", "oncoming truck".
-
-    "Another pedestrian" is the other way round: a new agent where the encoder sees a known one.
-    """
+    """The reading with mentions of one road user made one: "I ... my moped", "oncoming truck"."""
     reading = _drop_function_words(reading)
     reading = replace(reading, spans=tuple(_read_axes(reading)))
-    reading = replace(reading, spans=tuple(map(_let_walk, reading.spans)))
+    reading = replace(reading, spans=tuple(map(_correct_class, reading.spans)))
     reading = replace(reading, spans=tuple(_let_ride(span, reading) for span in reading.spans))
-    for at, span in enumerate(reading.spans):
-        if span.tag == "ref" and len(span.subjects) == 1 and _ANOTHER.search(span.words):
-            reading = _introduce_user(reading, at)
-    for span in reading.spans:
-        if span.tag in EVENTS and (match := _ANOTHER_INSIDE.search(span.words)):
-            reading = _introduce_inside(reading, span, match)
     for kept, dropped in list(_find_same(reading)):
         if kept in reading.users and dropped in reading.users:
             reading = _merge(reading, kept, dropped)
@@ -97,11 +73,16 @@ def _read_axes(reading: Reading) -> Iterator[ReadSpan]:
             yield span
 
 
-def _let_walk(span: ReadSpan) -> ReadSpan:
-    """The mention as one of a pedestrian where its noun can be nothing else."""
-    if span.tag == "veh" and _WALKER.search(span.words) and find_subtype(span.words) is None:
-        return replace(span, tag="ped", confidence=max(span.confidence, _SURELY))
-    return span
+def _correct_class(span: ReadSpan) -> ReadSpan:
+    """The mention as one of a pedestrian or rider where its noun can be nothing else."""
+    kinds = {noun.kind for noun in find_nouns(span.words)} if span.tag == "veh" else set()
+    walks = "ped" if _WALKER.search(span.words) and "vehicle" not in kinds else None
+    tag = walks or _RIDERS.get("".join(kinds))
+    sure = max(span.confidence, _SURELY)
+    return replace(span, tag=tag, confidence=sure) if span.tag == "veh" and tag else span
+
+
+_RIDERS = {"cyclist": "cyc", "scooter": "scoot"}
 
 
 def _let_ride(span: ReadSpan, reading: Reading) -> ReadSpan:
@@ -134,36 +115,6 @@ def _drop_function_words(reading: Reading) -> Reading:
     return replace(reading, spans=spans, users=users)
 
 
-def _introduce_user(reading: Reading, at: int) -> Reading:
-    """The reading in which a later mention introduces a road user of its own."""
-    ref, known = reading.spans[at], reading.spans[at].subjects[0]
-    if known not in reading.users:
-        return reading
-    number = max(reading.users) + 1
-    tag = reading.spans[reading.users[known]].tag
-    spans = [
-        replace(each, objects=tuple(number if u == known else u for u in each.objects))
-        if 0 <= ref.start - each.end <= _TOUCHING
-        else each
-        for each in reading.spans
-    ]
-    spans[at] = replace(ref, tag=tag, subjects=(number,))
-    return replace(reading, spans=tuple(spans), users={**reading.users, number: at})
-
-
-def _introduce_inside(reading: Reading, event: ReadSpan, match: re.Match[str]) -> Reading:
-    """The reading in which "hits another pedestrian", read as one event, introduces its object."""
-    number = max(reading.users, default=0) + 1
-    tag = "ped" if _ON_FOOT.search(match[0]) else "veh"
-    mention = replace(
-        event, start=event.start + match.start(), words=match[0], tag=tag, value=None,
-        negated=False, subjects=(number,), objects=(),
-    )  # fmt: skip
-    spans = [replace(s, objects=(number,)) if s is event else s for s in reading.spans]
-    users = {**reading.users, number: len(spans)}
-    return replace(reading, spans=(*spans, mention), users=users)
-
-
 def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
     """Pairs of road users that are one, the one that is kept first."""
     single = {
@@ -171,71 +122,32 @@ def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
         for user, at in reading.users.items()
         if len(reading.spans[at].subjects) == 1
     }
-    yield from _find_articles(reading, single)
-    yield from _find_touching(reading, single)
-    yield from _find_driven(reading, single)
+    text, spans = reading.text, reading.spans
+    for user, span in single.items():
+        # A mention without a noun, and the one of its class right behind it: "through", "vehicle".
+        for other, later in single.items():
+            beside = span.end < later.start and not text[span.end : later.start].strip(" -")
+            if beside and span.tag == later.tag and not find_nouns(span.words):
+                yield other, user
+        # An article alone, and the next mention: "a jaywalking pedestrian".
+        later_users = [
+            u
+            for u in (single if _ARTICLE.fullmatch(span.words) else ())
+            if 0 <= single[u].start - span.end <= _MOST_BETWEEN
+            and re.fullmatch(r"[\w' -]*", text[span.end : single[u].start])
+            and not any(e.tag in EVENTS and span.end <= e.start < single[u].start for e in spans)
+        ]
+        if later_users:
+            yield min(later_users, key=lambda u: single[u].start), user
     speaker = next((u for u, span in single.items() if _SPEAKER.match(span.words)), None)
     for user, span in single.items():
-        own = _OWN.match(span.words) and _OWN_VEHICLE.search(span.words)
+        own = _OWN.match(span.words) and find_nouns(span.words)
         if speaker is not None and user != speaker and own and single[speaker].tag == span.tag:
             yield speaker, user
 
 
-def _find_articles(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
-    """A mention that is an article alone, and the next: "a jaywalking pedestrian"."""
-    text, spans = reading.text, reading.spans
-    for user, span in single.items():
-        if _ARTICLE.fullmatch(span.words):
-            later = [
-                u
-                for u in single
-                if 0 <= single[u].start - span.end <= _MOST_BETWEEN
-                and re.fullmatch(r"[\w' -]*", text[span.end : single[u].start])
-                and not any(
-                    e.tag in EVENTS and span.end <= e.start < single[u].start for e in spans
-                )
-            ]
-            if later:
-                yield min(later, key=lambda u: single[u].start), user
-
-
-def _find_touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
-    """Mentions of one class side by side, the first without a noun: "through", "vehicle"."""
-    for user, span in single.items():
-        for other, later in single.items():
-            between = reading.text[span.end : later.start]
-            beside = span.end < later.start and not between.strip(" -")
-            if span.tag != later.tag or not beside or find_subtype(span.words) is not None:
-                continue
-            if not (_NOUN.search(span.words) or _OWN_VEHICLE.search(span.words)):
-                yield other, user
-
-
-def _find_driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
-    """A vehicle and its driver: "the rider of a motorbike", "a woman on a moped"."""
-    for user, span in single.items():
-        for other, later in single.items():
-            if not 0 <= later.start - span.end <= _MOST_BETWEEN or span.tag == "obj":
-                continue
-            if any(span.end <= each.start < later.start for each in reading.spans):
-                continue  # something else is said in between
-            match = _RIDES.search(reading.text[span.start : later.start].strip())
-            if match is None:
-                continue
-            words = reading.text[span.start : span.start + match.start()].strip()
-            named = _DRIVER.search(words) if match[0].lower().startswith("of") else _is_one(words)
-            if named and later.tag in ("veh", "cyc", "scoot"):
-                yield other, user
-
-
 _MOST_BETWEEN = 40
-"""Characters between a person and the vehicle that the person drives."""
-
-
-def _is_one(words: str) -> bool:
-    """Whether the words are those of a person, and no vehicle themselves."""
-    person = _DRIVER.search(words) or re.search(_ON_FOOT.pattern + "$", words, re.IGNORECASE)
-    return person is not None and find_subtype(words) is None
+"""Characters between an article and the noun that it belongs to."""
 
 
 def _merge(reading: Reading, kept: int, dropped: int) -> Reading:

@@ -27,9 +27,6 @@ _BREAK = re.compile(r"[;:.!?,]|\b(?:and|then|but|while|whereas)\b", re.IGNORECAS
 _ELSEWHERE = re.compile(r"\bby$|\b(?:after|before) th(?:is|at)\b", re.IGNORECASE)
 """Passives, and what points at other words: these are left to the encoder."""
 
-_TOUCHING = 4
-"""Characters between words and what they govern."""
-
 Parties = tuple[tuple[int, ...], tuple[int, ...]]
 """Road users that go first, and those that go second."""
 
@@ -39,7 +36,6 @@ def orient_orders(reading: Reading) -> Reading:
 
     Where the words settle it, no doubt is left but whether they speak of an order at all.
     """
-    reading = replace(reading, spans=tuple(_name_both(reading, span) for span in reading.spans))
     settled = {
         at: found
         for at, span in enumerate(reading.spans)
@@ -63,16 +59,6 @@ def orient_orders(reading: Reading) -> Reading:
     return replace(reading, spans=spans)
 
 
-def _name_both(reading: Reading, span: ReadSpan) -> ReadSpan:
-    """The span with the other of two road users where it names but one of them."""
-    others = tuple(set(reading.users) - {*span.subjects, *span.objects})
-    if span.tag != "first" or len(reading.users) != 2 or len(others) != 1:
-        return span
-    if not span.objects:
-        return replace(span, objects=others)
-    return replace(span, subjects=others) if not span.subjects else span
-
-
 def has_order_words(words: str) -> bool:
     """Whether the words themselves speak of an order; "goes" and "crosses" do not."""
     return any(each.search(words) for each in (_EARLY, _LATE, _THEN))
@@ -88,7 +74,8 @@ def find_direction(reading: Reading, span: ReadSpan) -> Parties | None:
     early, late = _EARLY.search(span.words), _LATE.search(span.words)
     parties = (span.subjects, span.objects)
     unclear = bool(early) == bool(late) or not all(parties) or has_user_noun(span.words)
-    if unclear or _ELSEWHERE.search(span.words) or _is_in_a_chain(reading, span):
+    chain = len(reading.users) > 2 and not _GOVERNS.search(span.words)  # "second" of three
+    if unclear or chain or _ELSEWHERE.search(span.words):
         return None
     complement = _find_complement(reading, span, parties)
     if complement is not None:
@@ -99,11 +86,6 @@ def find_direction(reading: Reading, span: ReadSpan) -> Parties | None:
         return None
     other = parties[1 - parties.index(subject)]
     return (subject, other) if early else (other, subject)
-
-
-def _is_in_a_chain(reading: Reading, span: ReadSpan) -> bool:
-    """Whether "second" may mean the second of three, ahead of the third."""
-    return len(reading.users) > 2 and not _GOVERNS.search(span.words)
 
 
 def _find_complement(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[int, ...] | None:
@@ -132,7 +114,7 @@ def _find_subject(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[i
     if before:
         mention, party = max(before, key=lambda each: each[0].end)
         between = reading.text[mention.end : span.start]
-        if not _BREAK.search(between) and not _is_object(reading, mention):
+        if not _BREAK.search(between):
             return party
     return None
 
@@ -145,16 +127,6 @@ def _find_late_subject(
     if found is None or _BREAK.search(reading.text[span.end : found[0].start]):
         return None
     return found[1]
-
-
-def _is_object(reading: Reading, mention: ReadSpan) -> bool:
-    """Whether the words just before a mention say what others do to it: "right of [a truck]"."""
-    return any(
-        0 <= mention.start - span.end <= _TOUCHING
-        and set(span.objects) & set(mention.subjects)
-        and not _BREAK.search(reading.text[span.end : mention.start])
-        for span in reading.spans
-    )
 
 
 def _find_next_party(

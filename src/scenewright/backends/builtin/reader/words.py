@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import tomllib
+from functools import cache, lru_cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.kinds import list_shipped
@@ -23,40 +24,57 @@ def compile_words(name: str, flags: re.RegexFlag = re.IGNORECASE) -> re.Pattern[
     return re.compile(WORDS[module][key], flags)
 
 
-_SUBTYPES = [(name, re.compile(pattern, re.IGNORECASE)) for name, pattern in VOCABULARY["subtypes"]]
-_PICKUP = re.compile(r"\bpick-?up(?: truck)?s?\b", re.IGNORECASE)
+class Noun(NamedTuple):
+    """What a noun of a road user names: a class, or "none" of those that there are not."""
+
+    kind: AgentClass | Literal["none"]
+    subtype: str | None
+    plural: bool
+
+
+@cache
+def load_nouns() -> dict[str, Noun]:
+    """The nouns of road users, with blanks for hyphens."""
+    nouns: dict[str, Noun] = {}
+    for key, given in VOCABULARY["nouns"].items():
+        kind, _, subtype = key.partition(".")
+        for each in given:
+            noun, exact = each.removeprefix("=").replace("-", " "), each.startswith("=")
+            nouns[noun] = Noun(kind, subtype or None, exact and bool(_PLURAL.search(noun)))
+            if not exact:
+                ends = noun.endswith("y") and noun[-2] not in "aeiou"
+                many = f"{noun[:-1]}ies" if ends else f"{noun}s"
+                nouns[many] = Noun(kind, subtype or None, True)
+    return nouns
+
+
+_PLURAL = re.compile(r"(?<!s)s$|men$|people$|children$|persons$|ladies$")
+
+
+@lru_cache(maxsize=1024)
+def find_nouns(words: str) -> tuple[Noun, ...]:
+    """What the nouns in some words name, in order."""
+    low = words.lower().replace("’", "'").replace("-", " ")
+    return tuple(load_nouns()[each[0]] for each in _load_pattern().finditer(low))
+
+
+@cache
+def _load_pattern() -> re.Pattern[str]:
+    return re.compile(rf"\b(?:{'|'.join(sorted(load_nouns(), key=len, reverse=True))})\b")
 
 
 def find_subtype(words: str) -> str | None:
-    """The subtype of vehicle that some words name; None where they leave it open."""
-    if _PICKUP.search(words):
-        return "car"
-    return next((name for name, pattern in _SUBTYPES if pattern.search(words)), None)
+    """The subtype of vehicle that some words name first; None where they leave it open."""
+    return next((each.subtype for each in find_nouns(words) if each.subtype), None)
 
 
 def find_class(words: str) -> AgentClass | None:
-    """The class of road user that some words name; None where they leave it open."""
-    if _RIDER.search(words):
-        return "cyclist"
-    if re.search(r"\be-?scooter|\bkick scooter", words, re.IGNORECASE):
-        return "scooter"
-    if find_subtype(words) is not None:
-        return "vehicle"
-    return "pedestrian" if _WALKER.search(words) else None
-
-
-_RIDER = compile_words("words.rider")
-_WALKER = compile_words("words.walker")
+    """The class of road user that some words name first; None where they leave it open."""
+    return next((each.kind for each in find_nouns(words) if each.kind != "none"), None)
 
 
 COARSE = {kind.id: kind.wider for kind in list_shipped("subtype") if kind.wider}
 """Subtypes as kinds of a wider one."""
-
-
-def narrow_subtype(subtype: str | None, head: str) -> str | None:
-    """The subtype that a noun says where only the wider one is known."""
-    found = find_subtype(head)
-    return found if subtype in (None, "car", "truck") and found in COARSE else subtype
 
 
 def time_words_in(low: str) -> list[str]:
@@ -69,9 +87,6 @@ def time_words_in(low: str) -> list[str]:
     return found
 
 
-_USER = compile_words("words.user")
-
-
 def has_user_noun(words: str) -> bool:
     """Whether some words name a road user by a noun."""
-    return find_subtype(words) is not None or _USER.search(words) is not None
+    return bool(find_nouns(words))
