@@ -6,14 +6,19 @@ import json
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from scenewright.cli import warm as command
 from scenewright.cli.main import main
 from scenewright.compiled import compiled
 from scenewright.graph import run
+from scenewright.graph.run import examine_tracks
+from scenewright.tools.trajnet_refiner import rollout
+from scenewright.tools.trajnet_refiner.rollout import run_rollout
 
 
 @compiled
@@ -51,3 +56,25 @@ def test_warm_tells_what_both_processes_compile(
     assert json.loads(capsys.readouterr().out)["compiled"] == 3
     monkeypatch.setattr(command, "compile_last_stages", fail)
     assert main(["warm"]) == 70
+
+
+def test_the_second_process_runs_what_comes_last_in_a_scene(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rolled, seen = list[Any](), list[str]()
+
+    def roll(*given: Any, **named: Any) -> Any:
+        rolled.append(run_rollout(*given, **named))
+        return rolled[-1]
+
+    def examine(*given: Any, **named: Any) -> Any:
+        found = examine_tracks(*given, **named)
+        seen.extend(event.type for event in found.events)
+        return found
+
+    monkeypatch.setattr(command.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(rollout, "run_rollout", roll)
+    monkeypatch.setattr(run, "examine_tracks", examine)
+    command.compile_last_stages(SimpleNamespace(value=0))
+    assert np.isfinite(rolled[0]).all()
+    assert {"collision", "near_miss", "follow"} <= set(seen)
