@@ -12,13 +12,6 @@ from scenewright.cli.console import show_progress, write_json, write_stdout
 
 LOOPS = 190
 """That both processes compile, for the progress."""
-_CROSSING = (
-    ("car", -40.0, -2.0, 10.0, 0.0),
-    ("car", -55.0, -2.0, 10.0, 0.0),
-    ("car", 2.0, -30.0, 0.0, 6.0),
-    ("pedestrian", 0.0, -12.0, 0.0, 1.2),
-)
-"""Class, place [m] and velocity [m/s]: a collision, a near miss and one who follows."""
 
 
 def warm(quiet: Quiet = False, as_json: Json = False) -> None:
@@ -26,8 +19,7 @@ def warm(quiet: Quiet = False, as_json: Json = False) -> None:
     from scenewright.compiled import watch_compiling
     from scenewright.graph.run import synthesize
 
-    begin = time.monotonic()
-    context = multiprocessing.get_context("spawn")
+    begin, context = time.monotonic(), multiprocessing.get_context("spawn")
     elsewhere = context.Value("i")
     helper = context.Process(target=compile_last_stages, args=(elsewhere,), daemon=True)
 
@@ -67,18 +59,21 @@ def compile_last_stages(compiled: Any) -> None:
     from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent ends it
+    # A collision, a near miss, and one who follows.
+    agents = (
+        ("car", -40, -2, 1, 0), ("car", -55, -2, 1, 0), ("car", 2, -30, 0, 0.6),
+        ("pedestrian", 0, -12, 0, 0.12),
+    )  # fmt: skip
     rows = [
-        f"{step / 10},{name},{kind},{x + step * u / 10},{y + step * v / 10}\n"
-        for name, (kind, x, y, u, v) in enumerate(_CROSSING)
-        for step in range(100)
+        f"{k / 10},{name},{kind},{x + k * dx},{y + k * dy}"
+        for name, (kind, x, y, dx, dy) in enumerate(agents)
+        for k in range(100)
     ]
     with watch_compiling(lambda count: setattr(compiled, "value", count)):
         if (refiner := find_refiner(DEFAULT_INTERSECTION)) is not None:
-            known = np.full((2, 12, 2), np.nan)
+            known, goals = np.full((2, 12, 2), np.nan), np.full((2, 1), 11.0)
             known[:, :9] = 0.0
-            goals = Waypoints(np.zeros((2, 1, 2)), np.full((2, 1), 11.0))
-            run_rollout(
-                refiner.net, known, classes=np.array([0, 1]), waypoints=goals, keep=2, lead=3
-            )
-        tracks = read_csv("t,id,class,x,y\n" + "".join(rows), name="warm")
+            waypoints, both = Waypoints(np.zeros((2, 1, 2)), goals), np.array([0, 1])
+            run_rollout(refiner.net, known, classes=both, waypoints=waypoints, keep=2, lead=3)
+        tracks = read_csv("\n".join(["t,id,class,x,y", *rows]), name="warm")
         examine_tracks(tracks, intersection=DEFAULT_INTERSECTION)
