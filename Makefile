@@ -23,6 +23,9 @@ TESTERS ?= 2
 # Benchmarks for which files, a folder or the environment of page-tests must be named.
 NAMING := cold_start consumer_protection own_intersections page_times same_behaviour throughput trajnet understanding
 
+# Else every process of a test translates every source again, and those of all packages.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := demo
 .PHONY: page-tests demo test lint format bench check crosscheck exports fuzz ray test-vllm test-small-weights docs
 
@@ -79,6 +82,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo 'Installing into $(VENV), about 0.8 GB ...'
 	$(BIN)/python -m pip install -qq --no-compile --disable-pip-version-check -c constraints.txt -e '.[page]'
+	$(BIN)/scenewright warm  # on two cores, where the first scene would compile on one
 	touch $@
 
 $(TOOLS): $(INSTALLED)

@@ -18,10 +18,13 @@ def check_out(commit: str) -> Iterator[dict[str, dict[str, str]]]:
     git = ["git", "-C", str(ROOT), "worktree"]
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "earlier"
+        # A second command reads what the first has translated, as it does for who uses it.
+        kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+        kept |= {"PYTHONPYCACHEPREFIX": str(Path(folder) / "bytecode"), "OMP_NUM_THREADS": "1"}
         subprocess.run([*git, "add", "--quiet", "--detach", str(place), commit], check=True)
         try:
             yield {
-                name: {**os.environ, "PYTHONPATH": str(root / "src"), "OMP_NUM_THREADS": "1"}
+                name: {**kept, "PYTHONPATH": str(root / "src")}
                 for name, root in ((commit, place), ("now", ROOT))
             }
         finally:

@@ -85,7 +85,7 @@ class BoostedTrees:
         from sklearn.ensemble import HistGradientBoostingRegressor
 
         self._trees: list[Any] = [
-            HistGradientBoostingRegressor(  # type: ignore[no-untyped-call]
+            HistGradientBoostingRegressor(
                 max_iter=rounds, learning_rate=0.08, max_leaf_nodes=24, random_state=seed,
                 min_samples_leaf=40, l2_regularization=1.0, early_stopping=False,
             )

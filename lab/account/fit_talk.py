@@ -70,16 +70,12 @@ def read_examples(paths: Sequence[Path]) -> list[Example]:
 def _build_matrix(examples: Sequence[Example]) -> Any:
     columns = [bucket for each in examples for bucket in each.features]
     ends = np.cumsum([0, *(len(each.features) for each in examples)])
-    return sparse.csr_matrix(  # type: ignore[no-untyped-call]
-        (np.ones(len(columns)), columns, ends), shape=(len(examples), BUCKETS)
-    )
+    return sparse.csr_matrix((np.ones(len(columns)), columns, ends), shape=(len(examples), BUCKETS))
 
 
 def fit_weights(examples: Sequence[Example]) -> FloatArray:
     """[BUCKETS + 1] log-odds of each feature, the intercept last."""
-    model: Any = linear_model.LogisticRegression(  # type: ignore[no-untyped-call]
-        C=_STRENGTH, max_iter=500
-    )
+    model: Any = linear_model.LogisticRegression(C=_STRENGTH, max_iter=500)
     model.fit(_build_matrix(examples), [each.tells for each in examples])
     return np.append(model.coef_[0], model.intercept_).astype(np.float32)
 

@@ -157,7 +157,7 @@ def test_same_seed_same_bytes_in_any_order_and_process() -> None:
     requests = [(STORIES["collision"], 2), (YIELD, 5), (STORIES["follow"], 3)]
     here = [bytes_of(request) for request in requests]
     assert [bytes_of(request) for request in reversed(requests)] == here[::-1]
-    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         assert list(pool.map(bytes_of, requests)) == here
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import os
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
@@ -68,12 +67,10 @@ from scenewright.cli.sweep import sweep
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
+from scenewright.cli.warm import warm
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file
 from scenewright.graph.collector import HARDLY_EVER
-
-LOOPS = 180
-"""That `warm` compiles, for its progress."""
 
 app = typer.Typer(
     name="scenewright",
@@ -110,6 +107,7 @@ app.add_typer(dataset)
 app.command()(export)
 app.command()(find)
 app.command()(drive)
+app.command()(warm)
 app.add_typer(planner)
 
 
@@ -157,31 +155,6 @@ def _log_summary(lines: list[str]) -> None:
         log_line(
             format_one_line(line) if not line.startswith(" ") else "  " + format_one_line(line)
         )
-
-
-@app.command()
-def warm(quiet: Quiet = False, as_json: Json = False) -> None:
-    """Compile the innermost loops, once after an installation, so that no scene waits for it."""
-    from scenewright.compiled import watch_compiling
-    from scenewright.graph.run import synthesize
-
-    begin = time.monotonic()
-
-    def tell(count: int) -> None:
-        if count % 10 == 0:
-            spent = time.monotonic() - begin
-            left = max(LOOPS - count, 0) * spent / count
-            log("compiling", f"{count} of about {LOOPS} loops, about {left:.0f} s left")
-
-    with show_progress(quiet=quiet) as log, watch_compiling(tell) as names:
-        synthesize("A car hits a pedestrian", seed=0)
-    seconds = time.monotonic() - begin
-    if as_json:
-        write_json({"ok": True, "compiled": len(names), "seconds": round(seconds, 1)})
-    elif names:
-        write_stdout(f"{len(names)} loops compiled in {seconds:.0f} s, kept on disk\n")
-    else:
-        write_stdout("nothing to compile: all loops are kept on disk\n")
 
 
 @app.command()

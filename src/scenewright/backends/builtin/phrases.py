@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft, Site
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
@@ -34,27 +35,39 @@ class PhrasedText(RewrittenText):
 
 def replace_phrases(text: str) -> PhrasedText:
     """The text with a plain verb for every phrase of a relation file."""
-    patterns = load_patterns()
-    spoken, known = _COMPILED.get(None, patterns, make=lambda: _compile_phrases(patterns))
-    found = [(m, *known[int(str(m.lastgroup)[1:])]) for m in spoken.finditer(text)]
+    patterns, folded = load_patterns(), text.casefold()
+    known = _KNOWN.get(None, patterns, make=lambda: _list_known(patterns))
+    # All of them in one expression take longer to compile than the whole text to read.
+    here = [each for each in known if all(part in folded for part in each.parts)]
+    spoken = "|".join(f"(?P<p{n}>{each.spelling})" for n, each in enumerate(here))
+    matches = re.finditer(rf"(?<!\w)(?:{spoken})(?!\w)", text, re.IGNORECASE) if here else ()
+    found = [(m, here[int(str(m.lastgroup)[1:])]) for m in matches]
     worded, pieces = replace_pieces(
         text,
-        ((m.start(), m.end(), verbs[_PASSIVE.match(m[0]) is not None]) for m, verbs, _ in found),
+        ((m.start(), m.end(), one.verbs[_PASSIVE.match(m[0]) is not None]) for m, one in found),
     )
     phrases = tuple(
-        Phrase(start, end, names)
-        for (start, end, *_), (_, _, names) in zip(pieces, found, strict=True)
+        Phrase(start, end, one.patterns)
+        for (start, end, *_), (_, one) in zip(pieces, found, strict=True)
     )
     return PhrasedText(worded, text, pieces, phrases)
 
 
+class _Known(NamedTuple):
+    """A phrase as an expression, what any text with it holds, its verbs (active, passive)."""
+
+    spelling: str
+    parts: list[str]
+    verbs: tuple[str, str]
+    patterns: tuple[str, ...]
+
+
 _PASSIVE = re.compile(r"(?:is|was|were|are|gets|got|being) .* by$", re.IGNORECASE | re.DOTALL)
-_Spoken = tuple[re.Pattern[str], list[tuple[tuple[str, str], tuple[str, ...]]]]
-_COMPILED: RecentCache[None, _Spoken] = RecentCache(most=1)
+_KNOWN: RecentCache[None, list[_Known]] = RecentCache(most=1)
 
 
-def _compile_phrases(patterns: Sequence[Pattern]) -> _Spoken:
-    """Any phrase; by the number of its group, its verbs (active, passive) and its patterns."""
+def _list_known(patterns: Sequence[Pattern]) -> list[_Known]:
+    """The phrases of all patterns, the longest first."""
     known: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {}
     for pattern in patterns:
         active, passive = pattern.find_kind("stand_ins").stand_ins
@@ -62,22 +75,21 @@ def _compile_phrases(patterns: Sequence[Pattern]) -> _Spoken:
         for words, turned in pattern.list_phrase_words():
             both, others = known.get(words, (verbs[::-1] if turned else verbs, ()))
             known[words] = both, (*others, pattern.id)
-    longest = sorted(known, key=len, reverse=True)
-    spoken = "|".join(f"(?P<p{n}>{_spell(words)})" for n, words in enumerate(longest))
-    whole = rf"(?<!\w)(?:{spoken})(?!\w)" if longest else r"(?!)"
-    return re.compile(whole, re.IGNORECASE), [known[words] for words in longest]
+    return [_Known(*_spell(words), *known[words]) for words in sorted(known, key=len, reverse=True)]
 
 
-def _spell(words: str) -> str:
-    """The words of a phrase, its verb in any form: "noses out", "nosing out", "nosed out"."""
+def _spell(words: str) -> tuple[str, list[str]]:
+    """A phrase, its verb in any form ("noses out", "nosing out", "nosed out"), and its parts."""
     verb, *rest = words.split()
+    folded = words.casefold().split()
     if not verb.endswith("s"):
-        return r"\s+".join(map(re.escape, words.split()))
-    base = re.escape(verb.removesuffix("s").removesuffix("e"))
+        return r"\s+".join(map(re.escape, words.split())), folded
+    stem = verb.removesuffix("s").removesuffix("e")
+    base = re.escape(stem)
     active = rf"(?:(?:is|was|are|were) )?{base}(?:e?s|e?d|ing|e)?"
     passive = rf"(?:is|was|were|are|gets|got|being) {base}e?d"
     after = "".join(rf"\s+{re.escape(each)}" for each in rest)
-    return rf"{passive}{after}\s+by|{active}{after}"
+    return rf"{passive}{after}\s+by|{active}{after}", [stem.casefold(), *folded[1:]]
 
 
 def play_phrase(relation: RelationDraft, phrase: Phrase, site: Site) -> None:

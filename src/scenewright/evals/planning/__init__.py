@@ -29,7 +29,7 @@ class PlanningShare:
         """Wilson score interval (Wilson 1927)."""
         if not self.n:
             return None
-        from scipy.stats import binomtest  # type: ignore[attr-defined]  # scipy has no types
+        from scipy.stats import binomtest
 
         found = binomtest(self.right, self.n).proportion_ci(method="wilson")
         return float(found.low), float(found.high)

@@ -1,0 +1,79 @@
+"""`scenewright warm`: the innermost loops compiled, on two cores."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import time
+from typing import Any
+
+from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.console import show_progress, write_json, write_stdout
+
+LOOPS = 190
+"""That both processes compile, for the progress."""
+
+
+def warm(quiet: Quiet = False, as_json: Json = False) -> None:
+    """Compile the innermost loops, once after an installation, so that no scene waits for it."""
+    from scenewright.compiled import watch_compiling
+    from scenewright.graph.run import synthesize
+
+    begin, context = time.monotonic(), multiprocessing.get_context("spawn")
+    elsewhere = context.Value("i")
+    helper = context.Process(target=compile_last_stages, args=(elsewhere,), daemon=True)
+
+    def tell(own: int) -> None:
+        if own % 10 == 0:
+            spent, count = time.monotonic() - begin, own + elsewhere.value
+            left = max(LOOPS - count, 0) * spent / count
+            log("compiling", f"{count} of about {LOOPS} loops, about {left:.0f} s left")
+
+    with show_progress(quiet=quiet) as log, watch_compiling(tell) as names:
+        helper.start()
+        synthesize("A car hits a pedestrian", seed=0)
+        helper.join()
+    if helper.exitcode:
+        raise RuntimeError(f"the second process of warm ended with code {helper.exitcode}")
+    seconds, count = time.monotonic() - begin, len(names) + elsewhere.value
+    if as_json:
+        write_json({"ok": True, "compiled": count, "seconds": round(seconds, 1)})
+    elif count:
+        write_stdout(f"{count} loops compiled in {seconds:.0f} s, kept on disk\n")
+    else:
+        write_stdout("nothing to compile: all loops are kept on disk\n")
+
+
+def compile_last_stages(compiled: Any) -> None:
+    """Compile what the refiner and the checker run, half of all, on tracks that are at hand.
+
+    Args:
+        compiled: shared integer, how many loops have been compiled here.
+    """
+    import numpy as np
+
+    from scenewright.compiled import watch_compiling
+    from scenewright.graph.run import DEFAULT_INTERSECTION, examine_tracks
+    from scenewright.tools.track_io.external_tracks import read_csv
+    from scenewright.tools.trajnet_refiner.bundled import find_refiner
+    from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent ends it
+    # A collision, a near miss, and one who follows.
+    agents = (
+        ("car", -40, -2, 1, 0), ("car", -55, -2, 1, 0), ("car", 2, -30, 0, 0.6),
+        ("pedestrian", 0, -12, 0, 0.12),
+    )  # fmt: skip
+    rows = [
+        f"{k / 10},{name},{kind},{x + k * dx},{y + k * dy}"
+        for name, (kind, x, y, dx, dy) in enumerate(agents)
+        for k in range(100)
+    ]
+    with watch_compiling(lambda count: setattr(compiled, "value", count)):
+        if (refiner := find_refiner(DEFAULT_INTERSECTION)) is not None:
+            known, goals = np.full((2, 12, 2), np.nan), np.full((2, 1), 11.0)
+            known[:, :9] = 0.0
+            waypoints, both = Waypoints(np.zeros((2, 1, 2)), goals), np.array([0, 1])
+            run_rollout(refiner.net, known, classes=both, waypoints=waypoints, keep=2, lead=3)
+        tracks = read_csv("\n".join(["t,id,class,x,y", *rows]), name="warm")
+        examine_tracks(tracks, intersection=DEFAULT_INTERSECTION)
