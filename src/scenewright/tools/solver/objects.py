@@ -192,7 +192,7 @@ class ObjectPlacer:
             kept &= away >= half[:, 1] + actor.candidate.shape.width / 2
             if name == walker:
                 kept &= away <= _BESIDE + np.hypot(*half.T)
-        return tuple(places[k] for k in np.flatnonzero(kept))
+        return tuple(each for each, near in zip(places, kept.tolist(), strict=True) if near)
 
     def _list_places_beyond(
         self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
