@@ -3,6 +3,7 @@
 import gzip
 import importlib.util
 import math
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,9 +11,14 @@ import pytest
 
 import map_files
 from scenewright.errors import InputError
+from scenewright.geometry.polyline import find_point, measure_distances, measure_length
 from scenewright.tools.map_import import import_map, list_junctions
 from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
+from scenewright.tools.map_import.legs import find_legs
+from scenewright.tools.map_import.mapped_crosswalks import CrossingChoice
 from scenewright.tools.map_import.osm_file import cut_out, is_driven
+from scenewright.tools.map_import.signal_programs import find_lit_legs
+from scenewright.tools.map_import.survey import SurveyLight
 
 needs_sumo = pytest.mark.skipif(
     importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
@@ -110,6 +116,29 @@ def test_protocol_buffers_are_read(town, tmp_path):
     cut.write_bytes(packed.read_bytes()[:-9])
     with pytest.raises(InputError, match="damaged"):
         list_junctions(cut)
+
+
+@needs_sumo
+def test_too_many_legs_are_refused_in_list_and_import(tmp_path):
+    file = map_files.osm(tmp_path / "star.osm", range(0, 360, 36))
+    [found] = list_junctions(file).junctions
+    assert (found.legs, found.refusal) == (10, "it has 10 legs, more than 8")
+    with pytest.raises(InputError, match="cannot be imported: it has 10 legs"):
+        import_map(file, name="x")
+
+
+@needs_sumo
+def test_lights_behind_a_fork_to_a_slip_lane_are_lights_of_the_leg(tmp_path):
+    file = map_files.osm(tmp_path / "four.osm", (0, 90, 180, 270), signals=False)
+    survey = import_map(file, name="x").survey
+    way = max(survey.connections, key=lambda each: measure_length(each.line))
+    place = find_point(way.line, 0.45 * measure_length(way.line))
+    away = [measure_distances(place[None], x.line).min() for x in survey.approaches.values()]
+    assert min(away) > 6.0
+    lit = replace(survey, lights=(SurveyLight(place),))
+    legs = find_legs(lit)
+    [leg] = find_lit_legs(lit, legs, CrossingChoice({}, ()))
+    assert way.approach in {lane.id for lane in legs[leg].approaches}
 
 
 @needs_osmium

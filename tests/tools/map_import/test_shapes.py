@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import shapely
 
 from scenewright.geometry.polyline import resample_by_spacing
 from scenewright.tools.map_import.curves import (
@@ -9,9 +10,17 @@ from scenewright.tools.map_import.curves import (
     measure_least_radius,
     round_curves,
 )
-from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
-from scenewright.tools.map_import.legs import find_legs
-from scenewright.tools.map_import.mapped_crosswalks import choose_crossings
+from scenewright.tools.map_import.ground_areas import (
+    CrosswalkPlacement,
+    build_crossing_line,
+    place_crosswalk,
+)
+from scenewright.tools.map_import.legs import SurveyLeg, find_legs
+from scenewright.tools.map_import.mapped_crosswalks import (
+    LegCrossing,
+    MappedCrosswalk,
+    choose_crossings,
+)
 from scenewright.tools.map_import.read_lanelet2 import FileElements, _find_street
 from scenewright.tools.map_import.survey import (
     Survey,
@@ -215,3 +224,36 @@ def test_a_crosswalk_that_is_left_out_is_named_with_the_reason():
     left = choice.leave_out({k: "would cross another"})
     assert not left.by_leg
     assert [(leg, why) for _, leg, why in left.left_out] == [(k, "would cross another")] * 2
+
+
+def test_people_enter_and_end_at_an_island_where_a_crosswalk_ends_there():
+    placed = CrosswalkPlacement(0.0, np.array([(-5.0, 0.0), (5.0, 0.0)]), 3.0)
+    road = shapely.box(-5, -40, 5, 40)
+    beside = np.column_stack([np.full(161, -6.5), np.linspace(-40, 40, 161)])
+    corners = beside, beside + np.array([23.0, 0.0])  # beyond a slip lane east of the island
+    for before, after in (("leg", "along"), ("along", "leg")):
+        line = build_crossing_line(placed, corners, before=before, after=after)
+        assert abs(line[0][1]) == pytest.approx(15.0, abs=0.5)
+        assert line[-1] == pytest.approx((6.2, 0.0))
+    refuge = placed.find_refuge(road, corners)
+    assert shapely.contains_xy(refuge, [6.2, 4.0, -6.5], [0.0, 0.0, 0.0]).tolist() == [
+        True, False, False,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("drawn", "taken"), [(24.0, True), (None, False)])
+def test_a_long_crosswalk_is_the_files_only_where_the_file_draws_it_as_long(drawn, taken):
+    lanes = [
+        SurveyLane(name, np.array(line, float), 3.5, 13.9, "")
+        for name, line in (("in", [(60, 2), (4, 2)]), ("out", [(4, -2), (60, -2)]))
+    ]
+    leg = SurveyLeg(0.0, (lanes[0],), (lanes[1],), np.array([4.0, 0.0]), np.array([1.0, 0.0]))
+    road = shapely.union_all([shapely.box(-15, -12, 6, 12), shapely.box(0, -4, 60, 4)])
+    limits = None if drawn is None else np.array([(5, drawn / 2), (5, -drawn / 2)])
+    node = SurveyCrossing(
+        np.array([(5, 4), (5, -4)], float), 4.0, source="node 1", is_bounded=False, limits=limits
+    )
+    mapped = MappedCrosswalk((LegCrossing(node, 0, frozenset(("in", "out")), 1.0),))
+    placed, why = place_crosswalk(leg, road, mapped, room=40.0)
+    assert (placed.mapped is mapped, why == "") == (taken, taken)
+    assert taken or "24 m long, the leg 8 m wide" in why

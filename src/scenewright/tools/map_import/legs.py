@@ -15,7 +15,7 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.tools.map_import.compass import COMPASS_RING, compute_bearing, name_turn
 from scenewright.tools.map_import.survey import Survey, SurveyLane
 
-_MAX_LEGS = len(COMPASS_RING)
+MOST_LEGS = len(COMPASS_RING)
 _MOST_LANES = 16
 """Of one direction of a street; toll plazas aside, none has more."""
 _SAME_LEG = math.radians(24.0)
@@ -82,9 +82,9 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
             f"{survey.title} has a leg of {widest} lanes in one direction; a street has at most "
             f"{_MOST_LANES}, is the tag lanes right?"
         )
-    if not 3 <= len(legs) <= _MAX_LEGS:
+    if not 3 <= len(legs) <= MOST_LEGS:
         raise InputError(
-            f"{survey.title} has {len(legs)} legs; an intersection has 3 to {_MAX_LEGS}"
+            f"{survey.title} has {len(legs)} legs; an intersection has 3 to {MOST_LEGS}"
         )
     legs.sort(key=_measure_place_angle)
     first = min(range(len(legs)), key=lambda k: legs[k].bearing)

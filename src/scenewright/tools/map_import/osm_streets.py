@@ -20,6 +20,7 @@ from scenewright.tools.map_import.junction_groups import (
     StreetPiece,
     group_junctions,
 )
+from scenewright.tools.map_import.legs import MOST_LEGS
 from scenewright.tools.map_import.osm_file import Tags, is_driven, iterate_elements, list_places
 
 _SLIPS = frozenset(("trunk_link", "primary_link", "secondary_link", "tertiary_link"))
@@ -124,16 +125,18 @@ def _turn_round(piece: StreetPiece) -> StreetPiece:
 
 
 def describe_group(group: JunctionGroup, origin: LatLon | None) -> Junction:
-    """A group of nodes as a junction to choose."""
+    """A group of nodes as a junction to choose; refused where it has too many legs."""
+    count = len(group.legs)
     return Junction(
         id=min(group.nodes, key=lambda node: (len(node), node)),
         xy=group.xy,
-        legs=len(group.legs),
+        legs=count,
         name=", ".join(sorted({leg.street for leg in group.legs} - {""}))[:80],
-        size=len(group.legs),
+        size=count,
         streets=tuple(leg.street for leg in group.legs),
         bearings=tuple(leg.bearing for leg in group.legs),
         is_roundabout=group.is_roundabout,
         nodes=group.nodes,
         origin=origin,
+        refusal=f"it has {count} legs, more than {MOST_LEGS}" if count > MOST_LEGS else "",
     )

@@ -100,6 +100,7 @@ def read_sumo(
         listed = survey_osm_junctions(file).junctions
         origin = listed[0].origin if listed else None
         chosen = choose_junction(listed, file=file, origin=origin, **wanted)
+        check_importable(chosen, file)
         return _read_osm(file, chosen, scratch, side)
     drive = read_opendrive_file(file) if map_format == "opendrive" else None
     network = file
