@@ -8,7 +8,8 @@ from functools import cache
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.spelling import load_words
-from scenewright.scene.stems import load_english_words, stem_word
+from scenewright.scene.english import load_english_words
+from scenewright.scene.stems import stem_word
 
 MOST_CHARACTERS = 2_000
 _CONTROL = re.compile(

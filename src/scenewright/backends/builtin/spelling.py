@@ -9,8 +9,8 @@ from importlib.resources import files
 from itertools import chain
 
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
+from scenewright.scene.english import load_english_words
 from scenewright.scene.relations import load_patterns
-from scenewright.scene.stems import load_english_words
 
 _WORD = re.compile(r"(?<![\w'’])[A-Za-z]{3,}(?![\w'’])")
 

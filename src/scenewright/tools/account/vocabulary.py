@@ -14,9 +14,9 @@ from itertools import chain
 from rapidfuzz import process
 from rapidfuzz.distance import OSA
 
+from scenewright.scene.english import load_english_words
 from scenewright.scene.kinds import list_kinds
 from scenewright.scene.relations import load_patterns
-from scenewright.scene.stems import load_english_words
 
 _TOKEN = re.compile(
     r"(?P<clock>[0-2]\d[0-5]\d(?=\s?(?:h|hrs|hours)\b)|\d{1,2}[:.h]\d{2}\s*(?:[ap]\.?\s?m\b\.?)?|\d{1,2}\s*[ap]\.?\s?m\b\.?)"
