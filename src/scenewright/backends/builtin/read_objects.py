@@ -98,7 +98,15 @@ def take_out_objects(reading: Reading) -> tuple[Reading, tuple[ReadObject, ...]]
         _assign_span(span, objects)
     _assign_figures(reading, objects)
     taken = {id(span) for each in objects.values() for span in each.list_spans()}
-    kept = [_without(span, objects) for span in reading.spans if id(span) not in taken]
+    kept = [
+        replace(
+            span,
+            subjects=tuple(n for n in span.subjects if n not in objects),
+            objects=tuple(n for n in span.objects if n not in objects),
+        )
+        for span in reading.spans
+        if id(span) not in taken
+    ]
     places = [n for n, span in enumerate(reading.spans) if id(span) not in taken]
     users = {u: places.index(at) for u, at in reading.users.items() if at in places}
     return replace(reading, spans=tuple(kept), users=users), _join_pairs(objects)
@@ -157,13 +165,6 @@ def _assign_figures(reading: Reading, objects: Mapping[int, ReadObject]) -> None
                 each.figures.append(span)
 
 
-def _without(span: ReadSpan, objects: Mapping[int, ReadObject]) -> ReadSpan:
-    subjects = tuple(n for n in span.subjects if n not in objects)
-    others = tuple(n for n in span.objects if n not in objects)
-    same = subjects == span.subjects and others == span.objects
-    return span if same else replace(span, subjects=subjects, objects=others)
-
-
 def _join_pairs(objects: Mapping[int, ReadObject]) -> tuple[ReadObject, ...]:
     """The objects; of two named in one breath, between which an agent comes out, one pair."""
     found = list(objects.values())
@@ -212,7 +213,8 @@ def add_read_objects(
                 )
             agents[own] = reroute_agent(agents[own], node)
             if node.leg is not None and not meeting:
-                node = node.model_copy(update=find_side(agents[own], node))
+                side = "entry" if agents[own].entry == node.leg else "exit"
+                node = node.model_copy(update={"side": side})
             waits = any(has_trait("encounter", m.encounter, "heads_queue") for m in meeting)
             figure = None if meeting else each.get_figure()
             queues = waits and has_trait("encounter", encounter, "heads_queue")
@@ -225,7 +227,12 @@ def add_read_objects(
         nodes.append(node)
         said += _list_said(each, node)
         if each.beyond is not None:
-            agents = [let_jaywalk(agent) if agent.id == node.hides else agent for agent in agents]
+            agents = [  # no vehicle parks on a crosswalk: who comes out between two is beside it
+                agent.model_copy(update={"movement": "jaywalking"})
+                if agent.id == node.hides and (agent.type, agent.crosswalk) == ("pedestrian", None)
+                else agent
+                for agent in agents
+            ]
             alone = {"hides": None, "hidden_from": None, "lead": None, "beyond": node.id}
             nodes.append(node.model_copy(update={"id": f"object-{len(nodes) + 1}", **alone}))
     if len(nodes) > MOST_OBJECTS:
@@ -302,19 +309,18 @@ def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dic
 
 def _list_said(each: ReadObject, node: ObjectNode) -> Iterator[SaidSpan]:
     """The account of the words about one object."""
-    for span in (*each.mentions, *each.place):
-        yield _say(span, "object", (), node.describe())
-    pair = (node.hidden_from or "", node.hides or "")
-    for span in (*each.sights, *each.seen):
-        yield _say(span, "sight", pair, node.id)
-    for span in (*each.meets, *each.figures):
-        yield _say(span, "encounter", (node.met_by or "",), f"{node.id} {each.encounter}")
-
-
-def _say(span: ReadSpan, became: Became, agents: tuple[str, ...], value: str) -> SaidSpan:
-    return SaidSpan(
-        start=span.start, end=span.end, words=span.words, became=became, agents=agents, value=value
+    pair, met = (node.hidden_from or "", node.hides or ""), (node.met_by or "",)
+    told: tuple[tuple[Sequence[ReadSpan], Became, tuple[str, ...], str], ...] = (
+        ((*each.mentions, *each.place), "object", (), node.describe()),
+        ((*each.sights, *each.seen), "sight", pair, node.id),
+        ((*each.meets, *each.figures), "encounter", met, f"{node.id} {each.encounter}"),
     )
+    for spans, became, agents, value in told:
+        for span in spans:
+            yield SaidSpan(
+                start=span.start, end=span.end, words=span.words, became=became, agents=agents,
+                value=value,
+            )  # fmt: skip
 
 
 def validate_objects(graph: SocialGraph, words: str) -> SocialGraph:
@@ -346,11 +352,6 @@ def find_kind(words: str, how: Encounter) -> ObjectKind:
     return "stalled"
 
 
-def find_side(agent: AgentNode, node: ObjectNode) -> dict[str, str]:
-    """The side of its leg on which an object stands that an agent meets, as a field of it."""
-    return {"side": "entry" if agent.entry == node.leg else "exit"}
-
-
 def reroute_agent(agent: AgentNode, node: ObjectNode) -> AgentNode:
     """The agent with a route by the leg on which the object stands.
 
@@ -367,9 +368,3 @@ def reroute_agent(agent: AgentNode, node: ObjectNode) -> AgentNode:
     raise Refused(
         "out_of_scope", f"{agent.id} does not come by the {leg} leg, where {node.id} is to stand."
     )
-
-
-def let_jaywalk(agent: AgentNode) -> AgentNode:
-    """No vehicle parks on a crosswalk: pedestrians between two vehicles cross beside it."""
-    free = agent.crosswalk is None and agent.type == "pedestrian"
-    return agent.model_copy(update={"movement": "jaywalking"}) if free else agent
