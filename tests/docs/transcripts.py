@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import shlex
-import subprocess
-import sys
 import tempfile
+from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
+
+from scenewright.cli.main import main
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -49,25 +52,22 @@ def shown(page: Path) -> list[Talk]:
 
 def said(command: str, typed: list[str], folder: Path) -> list[str]:
     """What the command answers to these lines, told in that folder."""
-    words = shlex.split(command)
     hidden = ("API_KEY", "BASE_URL", "TOKEN", "SCENEWRIGHT_REFINER", "SCENEWRIGHT_MAX_AGENTS")
-    kept = {key: value for key, value in os.environ.items() if not key.endswith(hidden)}
     (folder / "data").mkdir(exist_ok=True)
-    done = subprocess.run(
-        [str(Path(sys.executable).parent / words[0]), *words[1:]],
-        cwd=folder,
-        env=kept | {"SCENEWRIGHT_DATA": str(folder / "data")},
-        input="".join(f"{line}\n" for line in typed),
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=True,
-    )
-    return done.stdout.splitlines()
+    given = io.BytesIO("".join(f"{line}\n" for line in typed).encode())
+    lines = io.TextIOWrapper(given, encoding="utf-8")
+    told = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
+    with chdir(folder), redirect_stdout(told), patch("sys.stdin", lines), patch.dict(os.environ):
+        for key in [each for each in os.environ if each.endswith(hidden)]:
+            del os.environ[key]
+        os.environ["SCENEWRIGHT_DATA"] = str(folder / "data")
+        assert main(shlex.split(command)[1:]) == 0
+    told.seek(0)
+    return told.read().splitlines()
 
 
 def anew(talk: Talk) -> str:
-    """The conversation as it is today; each line is a process of its own in the same thread."""
+    """The conversation as it is today; each line is a run of its own in the same thread."""
     lines = []
     with tempfile.TemporaryDirectory() as folder:
         for words, told in zip(talk.typed, talk.told, strict=True):
