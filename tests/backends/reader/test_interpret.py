@@ -285,31 +285,6 @@ def plan_at(line: str) -> Plan:
     return plan_reading(build_reading(row), Site(roads=ROADS), row.text).plan
 
 
-@pytest.mark.parametrize(
-    ("name", "entry"),
-    [("Marshalsea Road", "west"), ("marshalsea rd", "west"), ("Marshalsae Road", "west"),
-     ("W 120th St.", "east"), ("West 120th Street", "east")],
-)  # fmt: skip
-def test_a_leg_is_known_by_its_street(name: str, entry: str) -> None:
-    plan = plan_at(f"[veh:1 A car] from [from:1 {name}] [hit:1>2 hits] [veh:2 a bus]")
-    assert isinstance(plan, SocialGraph)
-    assert plan.agent("vehicle-1").entry == entry
-
-
-def test_a_street_of_two_legs_needs_a_side() -> None:
-    plan = plan_at("[veh:1 A car] from [from:1 Amsterdam Ave] [hit:1>2 hits] [veh:2 a bus]")
-    assert isinstance(plan, SocialGraph)
-    assert [each.note for each in plan.said if each.became == "nothing"] == [
-        "several legs bear this name; say which side"
-    ]
-    plan = plan_at(
-        "[veh:1 A car] on [road:1 Amsterdam Ave] [heading:1 southbound] [hit:1>2 hits] [veh:2 it]"
-    )
-    assert isinstance(plan, SocialGraph)
-    assert plan.agent("vehicle-1").entry == "north"
-    assert "nothing" not in [each.became for each in plan.said]
-
-
 def test_a_street_that_is_not_there_is_refused_with_those_that_are() -> None:
     plan = plan_at("[veh:1 A car] from [from:1 Baker Street] [hit:1>2 hits] [veh:2 a bus]")
     assert isinstance(plan, Refusal)
