@@ -309,6 +309,7 @@ def test_what_is_true_of_a_part_does_not_hide_what_is_false(
         (CRASH, "A car pulls out in front of a van; ours comes from the west, theirs from the"
          " south"),
         (CRASH, "A car hits a van without looking"),
+        (CRASH, "A van, driver (54), is hit by a car, claim 77-20941"),
     ],
 )  # fmt: skip
 def test_other_words_for_what_is_shown_are_no_contradiction(

@@ -199,6 +199,9 @@ def is_label(tokens: Sequence[Token], n: int) -> bool:
     follow = tokens[n + 1] if n + 1 < len(tokens) else None
     if (follow is not None and follow.stem == "year") or (n and tokens[n - 1].text == "aged"):
         return True
+    around = "".join(each.text for each in (*tokens[n - 1 : n], *tokens[n + 1 : n + 2]))
+    if n > 1 and around in (",,", "()") and (tokens[n - 2].has("noun") or tokens[n - 2].capital):
+        return True  # "a teacher, 71, ..."
     if n and tokens[n].start - tokens[n - 1].end == 1 and is_label(tokens, n - 1):
         return True  # "claim 77-20941"
     if n and tokens[n - 1].is_in("numbered") and not (follow is not None and follow.has("noun")):
