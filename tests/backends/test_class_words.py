@@ -6,8 +6,6 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
-
 from scenewright.backends.builtin.reader.words import find_class, find_subtype, load_nouns
 from scenewright.tools.account.facts import fits_noun
 from scenewright.tools.account.mentions import find_mentions
@@ -24,13 +22,15 @@ def make_agent(noun: str) -> Any:
     return SimpleNamespace(type=kind, subtype=find_subtype(noun) if kind == "vehicle" else None)
 
 
-@pytest.mark.parametrize("noun", NOUNS)
-def test_the_reader_takes_a_noun_of_the_account_for_the_same_class(noun: str) -> None:
-    assert fits_noun(make_agent(noun), frozenset({NOUNS[noun]}))
+def test_the_reader_takes_a_noun_of_the_account_for_the_same_class() -> None:
+    other = {n: k for n, k in NOUNS.items() if not fits_noun(make_agent(n), frozenset({k}))}
+    assert other == {}
 
 
-@pytest.mark.parametrize("noun", [n for n, each in load_nouns().items() if each.kind != "none"])
-def test_the_account_takes_a_noun_of_the_reader_for_the_same_class(noun: str) -> None:
-    (mention,) = find_mentions(read_tokens(f"a {noun}"))
-    assert mention.classes
-    assert fits_noun(make_agent(noun), mention.classes)
+def test_the_account_takes_a_noun_of_the_reader_for_the_same_class() -> None:
+    other = []
+    for noun in (n for n, each in load_nouns().items() if each.kind != "none"):
+        (mention,) = find_mentions(read_tokens(f"a {noun}"))
+        if not (mention.classes and fits_noun(make_agent(noun), mention.classes)):
+            other.append(noun)
+    assert other == []
