@@ -62,7 +62,7 @@ def parse_constraint(text: Any) -> PlanConstraint:
     Raises:
         ValueError: it is none.
     """
-    what = "a comparison of fields such as vehicle-1.entry != vehicle-2.entry"
+    what = "a comparison of fields such as vehicle-1.entry != vehicle-2.entry, numbers in SI units"
     if not isinstance(text, str) or len(text) > _LONGEST:
         raise ValueError(f"{what}, of at most {_LONGEST} characters")
     fields: list[str] = []
@@ -145,5 +145,5 @@ def _find_value(data: Mapping[str, Any], name: str) -> Any:
         except (KeyError, IndexError, TypeError, ValueError):
             value = None
     if value is None:
-        raise ValueError(f"{name} is not set in this plan")
+        raise ValueError(f"{name} is not set in this plan; a measure is measures[0].value")
     return value

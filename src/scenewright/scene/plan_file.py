@@ -520,14 +520,15 @@ def describe_fault(
         unit = UNIT_OF.get(str(path[-1]), "") if path else ""
         wanted = _WANTED.get(first["type"])
         what = wanted.format(**first.get("ctx", {})) if wanted else f"{what[0].lower()}{what[1:]}"
-        what = f"{what} {unit}".rstrip() + f", not {_quote(given)}"
+        if first["type"] != "tuple_type":  # a list has no unit, and what is given may be a range
+            what = f"{what} {unit}".rstrip() + f", not {_quote(given)}"
     if path[:1] == ("measures",) and (*path[:2], "value") in lines:
         path = (*path[:2], "value") if path[2:] in (("low",), ("high",)) else path
     return build_fault(name, lines, path, what)
 
 
 _WANTED = {
-    "tuple_type": "a list, in which each entry begins with '- '",
+    "tuple_type": "a list, such as [0.8, 2.0], or with '- ' before each entry",
     "int_parsing": "a whole number", "int_from_float": "a whole number",
     "int_type": "a whole number", "float_parsing": "a number", "float_type": "a number",
     "bool_parsing": "true or false", "bool_type": "true or false", "string_type": "one word",

@@ -203,26 +203,29 @@ def run_sweep(
 
 
 def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) -> str:
-    """The table: each point's values, and what became of it."""
+    """The table: each point's values, what became of it, and how many run a red light unasked."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     paths = sorted({**plan.spreads, **plan.legs}, key=plan.get_line)
     place = ["intersection"] if plan.places else []
     names = [*place, *map(format_path, paths)]
-    table.writerow(["point", *names, "status", "code", "reason", "folder"])
+    table.writerow(["point", *names, "status", "code", "reason", "folder", "red_lights"])
     header = build_batch_header(read_source(request.source), request.options)
     with Journal(request.out, name=None, header=header) as journal:
         number = 0
         for each in points:
-            end = ["infeasible", "no_plan", each.fault, ""]
+            end = ["infeasible", "no_plan", each.fault, "", ""]
             if each.fault is None:
                 entry = journal.get_entry(number)
                 number += 1
-                end = ["left", "", "", ""]
+                end = ["left", "", "", "", ""]
                 if entry is not None:
                     status = "infeasible" if entry.status == "refused" else entry.status
-                    folder = f"{SCENES}/{entry.folder}" if status == "made" else ""
-                    end = [status, entry.code or "", entry.reason or "", folder]
+                    end = [status, entry.code or "", entry.reason or "", "", ""]
+                    if status == "made":
+                        end[3] = f"{SCENES}/{entry.folder}"
+                        proof = json.loads((request.out / entry.folder / "proof.json").read_bytes())
+                        end[4] = str(len(proof["figures"].get("unasked_red_light_runs", ())))
             values = [each.values.get(path, "") for path in paths]
             table.writerow([each.name, *([each.place] if place else []), *values, *end])
     return text.getvalue()
