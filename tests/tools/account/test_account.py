@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple, get_args
+from types import SimpleNamespace
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import NEXT_TEXT, SceneRecord
 from scenewright.tools.account import blank_standing_facts, list_unknown_words, prove, write_account
 from scenewright.tools.account.claims import ClaimType
+from scenewright.tools.account.mentions import find_mentions
+from scenewright.tools.account.sense_readers import read_claims
+from scenewright.tools.account.vocabulary import read_tokens
 
 Made = tuple[SceneRecord, Proof]
 """A scene and its proof."""
@@ -336,6 +340,30 @@ def test_figures_and_standstills_are_measured_though_no_plan_asks_for_them(
     ):
         entries = account(moved, place, text).account
         assert entries[-1].state == state, text
+
+
+@pytest.mark.parametrize(
+    ("said", "asked", "holds"),
+    [
+        ("a TTC under 1 s", (0.0, 1.0), True),
+        ("a TTC under 1 s", (1.0, 8.0), False),
+        ("a minimum TTC of no more than 1 s", (1.0, 8.0), False),
+        ("a TTC of at least 1 s", (1.0, 8.0), True),
+        ("a TTC of at least 1 s", (0.0, 1.0), False),
+        ("a TTC of no less than 1 s", (0.0, 1.0), False),
+        ("a TTC between 0.5 and 1 s", (0.5, 1.0), True),
+    ],
+)
+def test_a_bound_is_not_seen_where_the_other_side_was_asked_for(
+    said: str, asked: tuple[float, float], holds: bool
+) -> None:
+    tokens = read_tokens(f"A car has {said}")
+    (claim, *_) = [c for c in read_claims(tokens, find_mentions(tokens)) if c.value == "1 s"]
+    figures = [("s", *asked, frozenset({1}))]
+    facts: Any = SimpleNamespace(
+        foreground=(1,), list_figures=lambda **_: figures, list_standstills=lambda _: []
+    )
+    assert claim.test(facts, {0: frozenset({1})}).holds is holds
 
 
 @pytest.mark.parametrize(

@@ -106,3 +106,10 @@ def test_the_code_asks_for_the_lists_that_there_are() -> None:
     asked = {name for call in calls for part in call for name in re.findall(r'"(\w+)"', part)}
     asked |= {"removes", "adds"}  # asked for by turns
     assert asked == load_vocabulary().lists.keys()
+
+
+def test_a_pronoun_between_a_verb_and_its_particle_leaves_other_words_as_they_are() -> None:
+    (_, _, runs, *_) = read_tokens("the car runs him over")
+    assert runs.has("event.collision")
+    hits, stem = read_tokens("hits him off"), read_tokens("hits him")
+    assert hits[0].senses.keys() == stem[0].senses.keys()

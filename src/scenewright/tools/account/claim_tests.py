@@ -530,16 +530,22 @@ def read_clock(text: str) -> list[int]:
 
 @dataclass(frozen=True)
 class NumberTest:
-    """Whether a figure with a unit was asked for and is proven, or is measured on an agent."""
+    """Whether a figure with a unit was asked for and is proven, or is measured on an agent.
+
+    Attributes:
+        stands: it says how long who stands does.
+        bound: it is the `least` or the `most` that the figure may be; None where it is neither.
+    """
 
     subjects: tuple[int, ...]
     unit: str
     value: float
     stands: bool
+    bound: str | None = None
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
         agents = _list_all(binding, self.subjects) or facts.foreground
-        for number in agents if self.unit == "m/s" else ():
+        for number in agents if self.unit == "m/s" and self.bound is None else ():
             speed = facts.compute_kept_speed(number)
             if speed is not None and abs(speed - self.value) <= SPEED_SLACK:
                 return Result(True, f"agent {number} goes at {speed:.1f} m/s", (number,))
@@ -553,7 +559,9 @@ class NumberTest:
             if unit == self.unit and of.intersection(agents)
         ]
         for low, high in known:
-            if low - 1e-6 <= self.value <= high + 1e-6:
+            above = (low + high) / 2 - self.value  # of what is asked for, most lies on one side
+            turned = above > 1e-6 if self.bound == "most" else above < -1e-6
+            if low - 1e-6 <= self.value <= high + 1e-6 and not (self.bound and turned):
                 return Result(True, f"asked for and measured: {low:.3g} to {high:.3g} {self.unit}")
         missing = Result(False, f"no figure of {self.value:.3g} {self.unit}")
         return missing if known else UNTESTED

@@ -155,7 +155,7 @@ def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
         value = number * factor
         subjects = finder.find_subjects(n)
         stands = unit == "s" and any(each.has("stop") for each in tokens[max(0, n - 3) : n])
-        test = tests.NumberTest(subjects, unit, value, stands)
+        test = tests.NumberTest(subjects, unit, value, stands, _find_bound(tokens, n))
         yield Claim("number", f"{value:.3g} {unit}", (n,), subjects, test)
     elif span := next((s for s in finder.events if 0 < s[0] - n <= 2), None):  # "two near misses"
         kinds = tokens[span[0]].list_values("event")
@@ -163,6 +163,18 @@ def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
                     tests.EventCountTest(kinds, number))  # fmt: skip
     elif not is_label(tokens, n) and not any(m.start <= n < m.stop for m in finder.mentions):
         yield Claim("number", f"{number:g}", (n,), (), tests.BareNumberTest(number))
+
+
+def _find_bound(tokens: Sequence[Token], n: int) -> str | None:
+    """Whether a number is the `least` or the `most` of a figure: "under 1 s", "no more than 1"."""
+    for k in range(n - 1, max(-1, n - 4), -1):
+        if tokens[k].kind in ("end", "comma") or tokens[k].number is not None:
+            return None  # "between 1 and 2 s"
+        most = tokens[k].is_in("bounds_most")
+        if most or tokens[k].is_in("bounds_least"):
+            denied = k > 0 and tokens[k - 1].is_in("negations")
+            return "most" if most != denied else "least"
+    return None
 
 
 # --- what is said of all agents of a mention

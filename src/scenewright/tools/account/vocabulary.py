@@ -285,7 +285,9 @@ def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[st
                 yield start, stop, exact | stems
         apart = tokens[start : start + 3]
         if len(apart) == 3 and apart[1].is_in("pronouns") and apart[2].is_in("particles"):
-            yield start, start + 3, words.stems.get((first.stem, apart[2].stem), frozenset())
+            senses = words.stems.get((first.stem, apart[2].stem))
+            if senses:  # else its words keep their own
+                yield start, start + 3, senses
 
 
 def _is_duration(tokens: list[Token], n: int) -> bool:

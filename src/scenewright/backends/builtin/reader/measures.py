@@ -70,7 +70,7 @@ def measure_in(words: str) -> MeasureMention | None:
 
 
 _BOUNDS = [(re.compile(words), least) for least, words in WORDS["measures"]["bounds"]]
-"""Words that make a number a lower bound (True) or an upper one; negations come first."""
+"""Words that make a number a lower bound (True) or an upper one."""
 
 _TWO = re.compile(r"(\d+(?:[.,]\d+)?)[^\d]{0,12}?(?:\band\b|\bto\b|-|–|—)\s*(\d+(?:[.,]\d+)?)")
 _PERCENT = re.compile(r"%|\bper ?cent\b|\bpct\b")
@@ -101,10 +101,11 @@ def parse_range(
         first, second = sorted((measure.value, float(two[2].replace(",", ".")) * scale))
         return first, second, measure.unit
     around = " ".join(f"{before.lower()} {low}".split())
-    for bound, least in _BOUNDS:
-        if bound.search(around):
-            ends = (measure.value, None) if least else (0.0, measure.value)
-            return *ends, measure.unit
+    found = [(m, least) for bound, least in _BOUNDS for m in bound.finditer(around)]
+    if found:  # the last words decide, "minimum time to collision under 1 s"; "no more than" is one
+        _, least = max(found, key=lambda each: (each[0].end(), -each[0].start()))
+        ends = (measure.value, None) if least else (0.0, measure.value)
+        return *ends, measure.unit
     return max(measure.value - tolerance, 0.0), measure.value + tolerance, measure.unit
 
 
