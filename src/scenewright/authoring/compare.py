@@ -40,7 +40,7 @@ def compare_versions(
 
 def _format_events(record: SceneRecord, proof: Proof) -> str:
     names = {each.id: each.name for each in record.agents}
-    told = []
+    events = []
     for event in proof.events:
         figures = ", ".join(
             words.format(event.evidence[key])
@@ -49,5 +49,5 @@ def _format_events(record: SceneRecord, proof: Proof) -> str:
         )
         pair = f"{names.get(event.from_, event.from_)} and {names.get(event.to, event.to)}"
         measured = f" ({figures})" if figures else ""
-        told.append(f"{event.type.replace('_', ' ')} of {pair} at {event.time:.1f} s{measured}")
-    return "; ".join(told) or "nothing happens"
+        events.append(f"{event.type.replace('_', ' ')} of {pair} at {event.time:.1f} s{measured}")
+    return "; ".join(events) or "nothing happens"

@@ -573,8 +573,8 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
     edits = reading.edits if isinstance(reading, Edits) else ()
     entered = _enter_version(state, text, edits, made, context)
     if lost:
-        told = ", ".join(map(repr, lost))
-        entered["reply"] |= {"note": f"no field holds {told}: a change must say it again"}
+        words = ", ".join(map(repr, lost))
+        entered["reply"] |= {"note": f"no field holds {words}: a change must say it again"}
     return entered
 
 

@@ -294,6 +294,7 @@ def test_what_is_not_shown_is_seen_where_an_agent_has_it(
         (YIELD, "A bus yields to a pedestrian and stands for 29 s"),
         (YIELD, "A bus from the north turns over the south crosswalk and yields to a pedestrian"),
         (CRASH, "From the north a car runs a red light, from the south a van is hit by it"),
+        (CRASH, "A car hits another"),
     ],
 )  # fmt: skip
 def test_what_is_true_of_a_part_does_not_hide_what_is_false(

@@ -217,8 +217,8 @@ _DOING = {"turns": "turning", "goes": "going", "makes": "making", "crosses": "cr
 
 
 def _shorten(sentences: str) -> str:
-    """The sentences with what they say of each road user where what it does is told first."""
-    told: list[str] = []
+    """Shorten sentences: the way of a road user is put into the first event that names it."""
+    events: list[str] = []
     about: dict[str, str] = {}
     for each in sentences.rstrip(".").split(". "):
         found = _INTRODUCES.fullmatch(each)
@@ -233,8 +233,8 @@ def _shorten(sentences: str) -> str:
         event = each
         for name in [n for n in about if re.search(rf"\b{n}\b", event, re.IGNORECASE)]:
             event = re.sub(rf"\b{name}\b", about.pop(name), event, count=1, flags=re.IGNORECASE)
-        told.append(event[:1].upper() + event[1:])
-    return ". ".join((*told, *(f"There is {each}" for each in about.values()))) + "."
+        events.append(event[:1].upper() + event[1:])
+    return ". ".join((*events, *(f"There is {each}" for each in about.values()))) + "."
 
 
 _DOUBTFUL_SPANS = 2

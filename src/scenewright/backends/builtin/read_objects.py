@@ -310,12 +310,12 @@ def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dic
 def _list_said(each: ReadObject, node: ObjectNode) -> Iterator[SaidSpan]:
     """The account of the words about one object."""
     pair, met = (node.hidden_from or "", node.hides or ""), (node.met_by or "",)
-    told: tuple[tuple[Sequence[ReadSpan], Became, tuple[str, ...], str], ...] = (
+    meanings: tuple[tuple[Sequence[ReadSpan], Became, tuple[str, ...], str], ...] = (
         ((*each.mentions, *each.place), "object", (), node.describe()),
         ((*each.sights, *each.seen), "sight", pair, node.id),
         ((*each.meets, *each.figures), "encounter", met, f"{node.id} {each.encounter}"),
     )
-    for spans, became, agents, value in told:
+    for spans, became, agents, value in meanings:
         for span in spans:
             yield SaidSpan(
                 start=span.start, end=span.end, words=span.words, became=became, agents=agents,

@@ -30,6 +30,7 @@ from scenewright.dataset.tables.coverage import Covered, build_bins, count_bins
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.graph.run import make_folder
+from scenewright.graph.written_proof import read_proof
 from scenewright.intersections import list_intersections, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
@@ -214,18 +215,18 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
     with Journal(request.out, name=None, header=header) as journal:
         number = 0
         for each in points:
-            end = ["infeasible", "no_plan", each.fault, "", ""]
+            status, code, reason, folder, lights = "infeasible", "no_plan", each.fault, "", ""
             if each.fault is None:
                 entry = journal.get_entry(number)
                 number += 1
-                end = ["left", "", "", "", ""]
+                status, code, reason = "left", "", ""
                 if entry is not None:
                     status = "infeasible" if entry.status == "refused" else entry.status
-                    end = [status, entry.code or "", entry.reason or "", "", ""]
-                    if status == "made":
-                        end[3] = f"{SCENES}/{entry.folder}"
-                        proof = json.loads((request.out / entry.folder / "proof.json").read_bytes())
-                        end[4] = str(len(proof["figures"].get("unasked_red_light_runs", ())))
+                    code, reason = entry.code or "", entry.reason or ""
+                if entry is not None and status == "made":
+                    proof = read_proof(request.out / entry.folder / "proof.json")
+                    folder, lights = f"{SCENES}/{entry.folder}", str(proof.unasked_red_lights)
+            end = (status, code, reason, folder, lights)
             values = [each.values.get(path, "") for path in paths]
             table.writerow([each.name, *([each.place] if place else []), *values, *end])
     return text.getvalue()

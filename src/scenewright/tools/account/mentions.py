@@ -65,6 +65,9 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
             mention = replace(mention, classes=frozenset({"cyclist"}))
         if tokens[mention.head].text == "bike" and any("motorcycle" in m.classes for m in found):
             mention = replace(mention, classes=mention.classes | {"motorcycle"})
+        alone = mention.pronoun and tokens[n].text == "another"
+        if found and alone and tokens[n - 1].text not in ("one", "after"):  # "a car hits another"
+            mention = replace(mention, classes=found[-1].classes, pronoun=False, nouns=(n,))
         if found and _is_ridden(tokens, found[-1], mention):
             person = found[-1]
             found[-1] = replace(

@@ -330,9 +330,15 @@ def _get_class(span: ReadSpan) -> AgentClass | None:
     return _CLASSES.get(span.tag)
 
 
+_ONE_MORE = ("another", "another one", "a second", "a second one")
+
+
 def _add_user(result: Interpretation, number: int, span: ReadSpan) -> None:
     agent = AgentDraft(type=_get_class(span) or "vehicle", head=span.words)
     agent.subtype = find_subtype(span.words) if span.tag == "veh" else None
+    if span.words.lower() in _ONE_MORE and result.draft.agents:
+        last = result.draft.agents[-1]  # "a car hits another": another car
+        agent.type, agent.subtype = last.type, last.subtype
     result.users[number] = agent
     result.draft.agents.append(agent)
     kind = agent.subtype or agent.type
