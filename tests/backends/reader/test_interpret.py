@@ -184,7 +184,6 @@ def test_seven_cars_follow_a_bus() -> None:
     [
         ("[scoot:1 A skateboarder] [hit:1>2 hits] [veh:2 a car]", "out_of_scope"),
         ("[cyc:1 A rickshaw] [hit:1>2 hits] [veh:2 a car]", "out_of_scope"),
-        ("[ped=many:1 Pedestrians] [yield:1>2 wait for] [veh:2 a car]", "out_of_scope"),
         ("[veh:1 A car] [hit:1>2 hits] [ped:2 a man] [!time not at night]", "out_of_scope"),
         ("[veh:1 A car] from the [from:1 south] [from:1 north] [hit:1>2 x] [veh:2 y]",
          "contradictory"),

@@ -9,7 +9,6 @@ from itertools import chain, islice
 
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.phrases import replace_phrases
-from scenewright.backends.builtin.plurals import count_plurals
 from scenewright.backends.builtin.reader.annotation import EVENTS
 from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.learned_plan import (
@@ -78,16 +77,8 @@ def plan(
 
 
 def _plan_once(text: str, previous: str | None, site: Site) -> Plan:
-    """The plan of a text; of one refused with plurals in it, that with a number before each."""
     asked = text, previous, site
-    found = _KNOWN.get(asked, load_patterns(), make=lambda: _plan(*asked))
-    counted = count_plurals(text) if isinstance(found, Refusal) and not previous else None
-    if counted is None:
-        return found
-    made = _plan(counted.text, previous, site)
-    # Where nothing happens, plurals say what traffic there is, not who takes part.
-    happens = isinstance(made, SocialGraph) and made.relations
-    return counted.restore_plan(made) if happens else found
+    return _KNOWN.get(asked, load_patterns(), make=lambda: _plan(*asked))
 
 
 def _plan(text: str, previous: str | None, site: Site) -> Plan:

@@ -1,10 +1,11 @@
-"""Pedestrians that walk together: "a couple", "a mother with a child", "a class"."""
+"""Pedestrians that walk together ("a couple", "a class"), and plurals without a number."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
 
+from scenewright.backends.builtin.reader.annotation import EVENTS
 from scenewright.backends.builtin.reader.numbers import count_in
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.words import WORDS, compile_words
@@ -68,3 +69,45 @@ def _join(reading: Reading, group: ReadSpan, count: int) -> Reading:
 
 def _drop_users(users: tuple[int, ...], first: int, others: list[int]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(first if user in others else user for user in users))
+
+
+_FEW = compile_words("groups.few")
+"""Words for a few road users, which are made three: "several", "a number of"."""
+
+_TAKES_PART = (*EVENTS, "lane", "meet", "cross", "jay", "cw", "red")
+
+
+def count_plurals(reading: Reading) -> Reading:
+    """The reading with two road users for a plural without a number, three for "several".
+
+    Plurals that take no part in anything say what traffic there is, and stay as they are.
+    """
+    for user, at in list(reading.users.items()):
+        span = reading.spans[at]
+        if span.value == "many" and not span.negated and _takes_part(user, reading):
+            first = max(reading.users) + 1
+            others = range(first, first + (2 if _FEW.search(span.words) else 1))
+            reading = _split(reading, user, tuple(others))
+    return reading
+
+
+def _takes_part(user: int, reading: Reading) -> bool:
+    return any(
+        span.tag in _TAKES_PART and not span.negated and user in (*span.subjects, *span.objects)
+        for span in reading.spans
+    )
+
+
+def _split(reading: Reading, user: int, others: tuple[int, ...]) -> Reading:
+    """The reading in which the others do all that one road user does."""
+    spans = tuple(
+        replace(
+            span,
+            subjects=span.subjects + others * (user in span.subjects),
+            objects=span.objects + others * (user in span.objects),
+        )
+        for span in reading.spans
+    )
+    return replace(
+        reading, spans=spans, users=reading.users | dict.fromkeys(others, reading.users[user])
+    )

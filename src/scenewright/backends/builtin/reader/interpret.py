@@ -272,12 +272,6 @@ _DRIVEN = ("from", "to", "heading", "left", "right", "straight", "uturn", "red")
 
 def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
     """A draft for every road user; those of other classes are refused by name."""
-    active = {
-        user
-        for span in reading.spans
-        if span.tag in (*EVENTS, "cross", "jay", "cw") and not span.negated
-        for user in (*span.subjects, *span.objects)
-    }
     eventful = {
         user
         for span in reading.spans
@@ -303,13 +297,8 @@ def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
                 f"{_UNKNOWN_CLASS[span.tag]} ({span.words}); use vehicles, cyclists, e-scooters "
                 "and pedestrians.",
             )
-        elif span.value == "many" and number not in active:
+        elif span.value == "many" and len(span.subjects) == 1:
             result.enter(span, "density", value="ordinary traffic")
-        elif span.value == "many":
-            raise Refused(
-                "out_of_scope",
-                f"How many '{span.words}' are is not said; say a number, such as two.",
-            )
         else:
             _add_user(result, number, span)
 
@@ -344,7 +333,10 @@ def _add_user(result: Interpretation, number: int, span: ReadSpan) -> None:
     kind = agent.subtype or agent.type
     if span.value is not None and span.value.startswith(GROUP):
         agent.members, kind = int(span.value.removeprefix(GROUP)), span.value
-    result.enter(span, "agent", (number,), kind)
+    note = None
+    if span.value == "many":
+        note = f"the words leave open how many; {len(span.subjects)} are made"
+    result.enter(span, "agent", (number,), kind, note)
     _read_adjectives(result, number, span)
 
 

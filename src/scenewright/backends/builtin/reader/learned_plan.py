@@ -22,7 +22,7 @@ from scenewright.backends.builtin.read_objects import (
 )
 from scenewright.backends.builtin.reader.annotation import SEPARATOR
 from scenewright.backends.builtin.reader.coverage import find_passed_over
-from scenewright.backends.builtin.reader.groups import join_groups
+from scenewright.backends.builtin.reader.groups import count_plurals, join_groups
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
 from scenewright.backends.builtin.reader.manoeuvres import correct_manoeuvres
 from scenewright.backends.builtin.reader.merging import merge_mentions, refer_back
@@ -104,7 +104,8 @@ def plan_reading(
 ) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
     reading, objects = take_out_objects(whole)
-    reading = read_reactions(correct_manoeuvres(join_groups(merge_mentions(reading))))
+    reading = count_plurals(join_groups(merge_mentions(reading)))
+    reading = read_reactions(correct_manoeuvres(reading))
     reading = orient_orders(read_unmarked(reading))
     confidence = _compute_confidence(reading, whole, objects)
     try:
