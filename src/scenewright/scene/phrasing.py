@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from itertools import chain
@@ -79,9 +80,15 @@ def choose_names(graph: SocialGraph) -> dict[str, str]:
     return number_nouns({
         agent.id: f"group of {agent.members} pedestrians"
         if agent.members
-        else (agent.subtype or _NOUNS[agent.type]).replace("_", " ")
+        else _name_subtype(agent.subtype)
+        if agent.subtype
+        else _NOUNS[agent.type]
         for agent in graph.agents
     })  # fmt: skip
+
+
+def _name_subtype(subtype: str) -> str:
+    return "emergency vehicle" if subtype == "emergency" else subtype.replace("_", " ")
 
 
 def number_nouns(nouns: Mapping[Key, str]) -> dict[Key, str]:
@@ -96,9 +103,7 @@ def number_nouns(nouns: Mapping[Key, str]) -> dict[Key, str]:
 
 
 def _describe_agent(agent: AgentNode, name: str) -> str:
-    subject = (
-        name.replace("the e-", "an e-", 1).replace("the a", "an a", 1).replace("the ", "a ", 1)
-    )
+    subject = re.sub("^the ", "a ", re.sub("^the (?=[aeiou])", "an ", name))
     route = list(_describe_route(agent))
     return f"{subject} {' and '.join(route)}" if route else f"there is {subject}"
 

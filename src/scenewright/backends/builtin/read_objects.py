@@ -260,6 +260,12 @@ def _make_node(each: ReadObject, name: str) -> ObjectNode:
             "out_of_scope",
             f"'{span.words}' may drive on; say that they are parked or stalled.",
         )
+    if each.encounter is not None and kind not in STANDING_VEHICLES:
+        raise Refused(
+            "out_of_scope",
+            f"'{span.words}' is no vehicle, and only vehicles that stand can be hit, gone round or "
+            "waited behind; say a parked or stalled one.",
+        )
     if each.encounter is not None:
         state = {"double": "double-parked", "stop": "unloading"}.get(span.value or "", span.value)
         kind = find_kind(f"{span.words} {state}", each.encounter)

@@ -24,7 +24,7 @@ def read_unmarked(reading: Reading) -> Reading:
 
 
 def _find_clocks(reading: Reading) -> list[ReadSpan]:
-    """Four figures that stand alone, as in "1625. A van hits a car", and are no year or name."""
+    """Four figures that are a clause of their own, as in "1625. A van hits a car"."""
     if any(span.tag == "time" for span in reading.spans):
         return []
     return [
@@ -32,7 +32,16 @@ def _find_clocks(reading: Reading) -> list[ReadSpan]:
         for match in CLOCK.finditer(reading.text)
         if _is_free(reading, match.start(), match.end())
         and not is_no_clock(reading.text, match.start(), match[0])
+        and _stands_alone(reading.text, match)
     ]
+
+
+def _stands_alone(text: str, match: re.Match[str]) -> bool:
+    """Whether a clause is nothing but the figures, or they have a unit or "at" with them."""
+    before, after = text[: match.start()].rstrip(), text[match.end() :].lstrip()
+    alone = (not before or before[-1] in ".,;:") and (not after or after[0] in ".,;:")
+    said = not match[0].isdecimal() or before.lower().split(" ")[-1] == "at"
+    return alone or said
 
 
 def is_no_clock(text: str, start: int, words: str) -> bool:
