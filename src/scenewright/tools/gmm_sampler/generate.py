@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from typing import Any, Literal
@@ -120,6 +120,7 @@ def assign_foreground(
     from scenewright.tools.map_grounding.grounding import (
         count_signal_conflicts,
         find_assignments,
+        have_conflict,
         list_unasked_runners,
     )
 
@@ -129,11 +130,27 @@ def assign_foreground(
         for route in open_
     }
 
-    def count_faults(assignment: RoleAssignment) -> tuple[int, int, int, int]:
+    related = {frozenset((edge.from_, edge.to)) for edge in graph.relations}
+    strangers = [
+        pair
+        for pair in itertools.combinations(grounding.routes, 2)
+        if frozenset(pair) not in related
+    ]
+
+    def count_meetings(routes: Mapping[str, Route]) -> int:
+        """How many pairs that nothing is said of have ways that cross, or drive in one lane."""
+        return sum(
+            have_conflict(routes[a], routes[b], intersection_map=intersection_map)
+            or (routes[a].id == routes[b].id and routes[a].type == "vehicle")
+            for a, b in strangers
+        )
+
+    def count_faults(assignment: RoleAssignment) -> tuple[int, int, int, int, int]:
         violators = {each.violator for each in assignment.patterns if each.violator is not None}
         conflicts = count_signal_conflicts(assignment, intersection_map=intersection_map)
         obeys = not lawful and not list_unasked_runners(graph, assignment)
-        return int(obeys), count_slow_routes(graph, assignment), conflicts, len(violators)
+        slow, meetings = count_slow_routes(graph, assignment), count_meetings(assignment.routes)
+        return int(obeys), slow, conflicts, meetings, len(violators)
 
     def draw(*, lawful: bool = lawful) -> RoleAssignment:
         found = find_assignments(
@@ -156,7 +173,7 @@ def assign_foreground(
 
     tries = _RIDER_ASSIGNMENTS if any(a.type in RIDERS for a in graph.agents) else _ASSIGNMENTS
     drawn = [draw() for _ in range(tries)]
-    while len(drawn) < _MOST_ASSIGNMENTS and any(min(map(count_faults, drawn))[:2]):
+    while len(drawn) < _MOST_ASSIGNMENTS and any(min(map(count_faults, drawn))[:4]):
         drawn.append(draw())
     return min(drawn, key=count_faults)
 
