@@ -29,6 +29,7 @@ from scenewright.scene.edits import (
     ChangeAgent,
     Clarification,
     DeclinedTurn,
+    Edit,
     Edits,
     NewScene,
     Reading,
@@ -243,17 +244,19 @@ def choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> R
 def _keep_ways(reading: Edits, talk: Talk) -> Edits:
     """What the words leave open of an agent's way is as it was: all of it, or after a turn where
     it comes from."""
-    edits = list(reading.edits)
-    for at, edit in enumerate(edits):
-        view = talk.view(edit.node) if isinstance(edit, ChangeAgent) else None
-        if not isinstance(edit, ChangeAgent) or view is None:
-            continue
-        node, was = edit.node, talk.situation.graph.agent(edit.node.id)
+    known = {each.id: each for each in talk.situation.graph.agents}
+
+    def keep(edit: Edit) -> Edit:
+        if not isinstance(edit, ChangeAgent) or edit.node.id not in known:
+            return edit
+        node, was, view = edit.node, known[edit.node.id], talk.view(edit.node)
         if all(getattr(node, each) == getattr(was, each) for each in WAY_FIELDS):
-            edits[at] = ChangeAgent(node=talk.keep_way(node))
-        elif node.entry is None and node.movement not in (None, view.movement):
-            edits[at] = ChangeAgent(node=node.model_copy(update={"entry": view.entry}))
-    return Edits(edits=tuple(edits))
+            return ChangeAgent(node=talk.keep_way(node))
+        if view is None or node.entry is not None or node.movement in (None, view.movement):
+            return edit
+        return ChangeAgent(node=node.model_copy(update={"entry": view.entry}))
+
+    return Edits(edits=tuple(map(keep, reading.edits)))
 
 
 def _choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
