@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from scenewright.authoring.everyday_words import Talk
 from scenewright.authoring.intent_edits import guess_intent, spell_out
 from scenewright.authoring.second_opinion import (
     check_first_words,
@@ -15,6 +14,7 @@ from scenewright.authoring.second_opinion import (
     correct_within,
     weigh_kind,
 )
+from scenewright.authoring.talk import Talk
 from scenewright.scene.edits import (
     AgentView,
     Clarification,
@@ -103,7 +103,7 @@ def test_all_buses_are_those_of_the_others() -> None:
     )
 
 
-def read_nothing(_plain: str, _talk: Talk) -> Reading:
+def read_nothing(_plain: str) -> Reading:
     return DeclinedTurn(code="no_change", reason="nothing")
 
 
@@ -118,14 +118,14 @@ def test_a_change_that_does_not_fit_the_wish_is_not_made() -> None:
 
 def test_where_nothing_is_sure_nothing_is_changed() -> None:
     chosen = choose_reading(
-        "perhaps more of the thing with the thing", read_nothing("", talk_of(CAR, WALKER)),
+        "perhaps more of the thing with the thing", read_nothing(""),
         talk_of(CAR, WALKER), read_nothing,
     )  # fmt: skip
     assert isinstance(chosen, DeclinedTurn | Clarification)
 
 
 def test_both_are_both() -> None:
-    def read(plain: str, _talk: Talk) -> Reading:
+    def read(plain: str) -> Reading:
         names = [each for each in ("vehicle-1", "pedestrian-1") if each in plain]
         return Edits(edits=tuple(SetPace(agent=each, factor=0.8) for each in names))
 

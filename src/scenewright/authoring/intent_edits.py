@@ -1,9 +1,9 @@
-"""Words that no rule of form reads, by what they are likely to want.
+"""What is likely to be wanted, and the change that it is.
 
 The planner's model of turns ranks intents. An intent and what the words name (agents, sides,
-numbers) become a plain sentence, such as "make vehicle-1 slower", which is read as if it had been
-typed, or an edit. So a wish in unusual words is done by the same code as one in usual words. Of
-two opposite intents, such as slower and faster, the words themselves decide.
+numbers) become a plain sentence, such as "make vehicle-1 slower", which the planner reads as if it
+had been typed, or an edit where no sentence says it. Of two opposite intents, such as slower and
+faster, the words themselves decide.
 """
 
 from __future__ import annotations
@@ -14,36 +14,53 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-from scenewright.authoring.everyday_words import (
-    LENGTH,
-    WEATHER,
-    Talk,
-    decline,
-    make_edits,
-    replace_agent,
-    set_measure,
-    simplify,
-)
+from scenewright.authoring.talk import Talk, simplify
 from scenewright.authoring.vocabulary import compile_words, fill_in
-from scenewright.backends.offline import CLASSES, WORDS, rank_intents
+from scenewright.backends.offline import WORDS, Named, find_named, rank_intents
 from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import (
-    AgentView,
+    AddAgent,
     ChangeAgent,
+    DeclinedTurn,
+    Edit,
     Edits,
+    MoveStop,
     Reading,
     Redraw,
     Relate,
     RemoveAgent,
     RemoveObject,
     SetBackground,
+    SetMeasure,
+    SetPace,
+    WaitLonger,
 )
-from scenewright.scene.measures import UNITS
+from scenewright.scene.measures import UNITS, Measure, MeasureKind
+from scenewright.scene.route_table import WAY_FIELDS
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
 
 SURE, LIKELY = 0.75, 0.45
 """Probabilities from which an intent overrides what was read otherwise, or is ignored."""
-_MORE, _FEWER = 1.4, 0.6
+_MORE, _FEWER, _CLOSER = 1.4, 0.6, 0.6
+_EARLIER = 3.0
+"""By how much what happens is earlier or later, where no figure is said [s]."""
+STEPS = {
+    "undo": "undo", "redo": "redo", "restart": "restart", "show": "show", "play": "play",
+    "gif": "gif", "mp4": "mp4", "html": "html", "save": "save", "quit": "quit", "help": "help",
+    "why_refused": "why", "talk": "talk",
+}  # fmt: skip
+"""Intents that are about the conversation -> the kind of turn."""
+MAKES: dict[str, list[str]] = WORDS["intent_edits"]["makes"]
+"""Intents that change the scene -> the kinds of edits that do so."""
+_DECLINES: dict[str, str] = WORDS["intent_edits"]["declines"]
+_OF_OTHERS: list[str] = WORDS["intent_edits"]["of_others"]
+_NUMBERS: dict[str, float] = WORDS["intent_edits"]["numbers"]
+_NUMBER = compile_words("intent_edits.number")
+_RIDDEN = compile_words("intent_edits.ridden")
+_BEFORE_KIND = compile_words("intent_edits.before_kind")
+_SIDE = re.compile(r"\b(north|south|east|west)(bound)?(?:ern|erly)?\b")
+_IN_METRES = re.compile(r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b")
+_UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
 
 
 class Guess(NamedTuple):
@@ -51,6 +68,16 @@ class Guess(NamedTuple):
 
     intent: str
     chance: float
+
+    @property
+    def is_change(self) -> bool:
+        """Whether the intent is to change the scene."""
+        return self.intent in MAKES
+
+    @property
+    def is_question(self) -> bool:
+        """Whether the intent is to know something of the scene."""
+        return self.intent.startswith("q_")
 
 
 @lru_cache(maxsize=256)
@@ -71,50 +98,48 @@ def _guess(words: str) -> Guess:
     return Guess(first, ranked[0].chance)
 
 
-def is_question(intent: str) -> bool:
-    """Whether the intent is to know something of the scene."""
-    return intent.startswith("q_")
+def relates_known(reading: Edits, talk: Talk) -> bool:
+    """Whether what happens between agents that are there becomes something else."""
+    known = {each.id for each in talk.situation.graph.agents}
+    edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
+    return any({each.from_, each.to} <= known for each in edges)
 
 
-STEPS = {
-    "undo": "undo", "redo": "redo", "restart": "restart", "show": "show", "play": "play",
-    "gif": "gif", "mp4": "mp4", "html": "html", "save": "save", "quit": "quit", "help": "help",
-    "why_refused": "why", "talk": "talk",
-}  # fmt: skip
-"""Intents that are about the conversation -> the kind of turn."""
-
-_MAKES: dict[str, list[str]] = WORDS["intent_edits"]["makes"]
-
-
-def is_change(intent: str) -> bool:
-    """Whether the intent is to change the scene."""
-    return intent in _MAKES
-
-
-def list_makes(intent: str) -> set[str]:
-    """The kinds of edits that do what the intent is."""
-    return set(_MAKES.get(intent, ()))
-
-
-def is_consistent(reading: Reading, intent: str, words: str) -> bool:
-    """Whether a reading does what the intent is: its edits are of its kinds, its way as said."""
-    kinds = list_makes(intent)
+def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool:
+    """Whether a reading does what the intent is: its edits are of its kinds, of those that are
+    named, its way as said."""
+    kinds = MAKES.get(intent, ())
     if not isinstance(reading, Edits) or not all(each.edit in kinds for each in reading.edits):
         return False
+    plain, side = words.lower(), _find_side(words.lower())
     nodes = [each.node for each in reading.edits if isinstance(each, ChangeAgent)]
-    plain = words.lower()
-    if intent in ("slower", "faster") and re.search(r"\b(?:both|them|each|everyone)\b", plain):
-        return len(reading.edits) > 1
-    if intent == "redraw":
-        return all(each == Redraw() for each in reading.edits) or " for " in plain
-    if intent == "turn" and (said := _find_turn(plain)) is not None:
-        return any(node.movement == said for node in nodes)
-    if intent == "cross_at" and (side := _find_side(plain)) is not None:
-        return any(node.crosswalk == side for node in nodes)
-    if intent == "add_agent" and re.search(r"\b(?:behind|follow)", plain):
-        return any(isinstance(each, Relate) for each in reading.edits)
-    if intent == "come_from" and (side := _find_side(plain)) is not None:
-        return any(node.entry == side for node in nodes)
+    paces = [each for each in reading.edits if isinstance(each, SetPace)]
+    dials = [e.agent for e in reading.edits if isinstance(e, SetPace | WaitLonger | MoveStop)]
+    named = {each.id for each in talk.find_agents(simplify(words))}
+    if named and not {*dials, *(each.id for each in nodes)} <= named:
+        return False
+    match intent:
+        case "slower" | "faster" if paces:
+            every = re.search(r"\b(?:both|them|each|everyone)\b", plain) is None or len(paces) > 1
+            return every and all((e.factor < 1) == (intent == "slower") for e in paces)
+        case "slower" | "faster":
+            return re.search(r"\d", plain) is not None
+        case "more_traffic" | "less_traffic" if re.search(r"\b(?:half|twice|double)\b", plain):
+            return all(each.edit == "set_background" for each in reading.edits)
+        case "not_react":
+            return False  # whether there is anything to react to is seen by the wish alone
+        case "redraw":
+            return all(each == Redraw() for each in reading.edits) or " for " in plain
+        case "turn" if (said := _find_turn(plain)) is not None:
+            return any(node.movement == said for node in nodes)
+        case "cross_at" if side is not None:
+            return any(node.crosswalk == side for node in nodes)
+        case "come_from" if side is not None:
+            return any(node.entry == side for node in nodes)
+        case "add_agent":
+            follows = re.search(r"\b(?:behind|follow)", plain) is None
+            related = any(isinstance(each, Relate) for each in reading.edits)
+            return (follows or related) and not relates_known(reading, talk)
     return True
 
 
@@ -123,19 +148,60 @@ def _find_turn(plain: str) -> str | None:
     return {"u-turn": "uturn"}.get(found[-1], found[-1]) if found else None
 
 
-_NOUN = fill_in("{noun}")
-_MENTION = compile_words("intent_edits.mention")
-_KINDS = compile_words("intent_edits.kinds")
-_BARE_KIND = compile_words("intent_edits.bare_kind")
-_SIDE = re.compile(r"\b(north|south|east|west)(?:ern|erly)?\b")
-_BOUND = re.compile(r"\b(north|south|east|west)bound\b")
-_NUMBERS: dict[str, float] = WORDS["intent_edits"]["numbers"]
-_NUMBER = compile_words("intent_edits.number")
+def _find_side(plain: str) -> str | None:
+    found = _SIDE.search(plain)
+    return None if found is None else OPPOSITE[found[1]] if found[2] else found[1]
 
 
-def has_agent_noun(plain: str) -> bool:
-    """Whether there is a noun of a road user in the words."""
-    return re.search(rf"\b(?:{_NOUN}|people|somebody|someone)(?:e?s)?\b", plain) is not None
+def find_new_kind(plain: str) -> Named | None:
+    """The noun of a new agent, as in "a bus" or "into a bus"; None where there is none."""
+    ridden = _RIDDEN.sub("", plain)
+    nouns = [each for each in find_named(ridden) if each.type not in (None, "none")]
+    new = [each for each in nouns if each.det in ("indefinite", "another")]
+    bare = [e for e in nouns if e.det == "bare" and _BEFORE_KIND.search(ridden[: e.start])]
+    return next(iter(new or bare), None)
+
+
+def make_edits(*edits: Edit) -> Edits:
+    """Edits that are made together."""
+    return Edits(edits=edits)
+
+
+def decline(reason: str) -> DeclinedTurn:
+    """The refusal of what no scene can show."""
+    return DeclinedTurn(code="impossible", reason=reason)
+
+
+def replace_agent(node: AgentNode, new: Named, talk: Talk) -> Edits:
+    """An agent of another class in the place of one: in its relations, on its way if it can."""
+    taken = {each.id for each in (*talk.situation.present, *talk.situation.graph.agents)}
+    name = next(f"{new.type}-{n}" for n in range(1, 99) if f"{new.type}-{n}" not in taken)
+    kept = talk.keep_way(node)
+    on_foot = "pedestrian" in (new.type, node.type)
+    way = {} if on_foot else {key: getattr(kept, key) for key in WAY_FIELDS}
+    subtype = new.subtype if new.type == "vehicle" else None
+    added = AgentNode.model_validate({"id": name, "type": new.type, "subtype": subtype, **way})
+    open_ = {"kind": None, "pattern": None, "point_from": None, "point_to": None}
+    related = []
+    for edge in talk.list_edges():
+        ends = [key for key in ("from_", "to", "first", "strikes") if getattr(edge, key) == node.id]
+        if ends:
+            update = open_ | dict.fromkeys(ends, name)
+            related.append(Relate(edge=edge.model_copy(update=update)))
+    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *related)
+
+
+def _set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
+    """The edit that asks for a figure, with the tolerance of its kind."""
+    unit = UNITS[kind]
+    value = min(max(value, unit.least), unit.most)
+    low, high = round(max(value - unit.tolerance, 0.0), 2), round(value + unit.tolerance, 2)
+    measure = {"kind": kind, "agent": agent, "other": other, "low": low, "high": high}
+    return make_edits(SetMeasure(measure=Measure.model_validate(measure)))
+
+
+def _relate(edge: RelationEdge, **update: float) -> Edits:
+    return make_edits(Relate(edge=edge.model_copy(update=update)))
 
 
 @dataclass(frozen=True)
@@ -151,12 +217,14 @@ class EditIntent:
     talk: Talk
     named: tuple[AgentNode, ...]
 
+    def says(self, pattern: str) -> bool:
+        """Whether the words have that form."""
+        return re.search(pattern, self.plain) is not None
+
     def choose(self, *, vehicle_first: bool = True) -> AgentNode | None:
         """The agent of the wish: the one it names, else the last one named, else the vehicle."""
-        if self.named:
-            return self.named[0]
-        every = self.talk.list_named()
-        spoken = [each for each in every if each.id in self.talk.touched]
+        every = self.talk.list_agents()
+        spoken = [*self.named, *(each for each in every if each.id in self.talk.touched)]
         if spoken:
             return spoken[0]
         driving = [each for each in every if each.type == "vehicle"] if vehicle_first else []
@@ -164,12 +232,8 @@ class EditIntent:
 
     def find_walker(self) -> AgentNode | None:
         """The only pedestrian that takes part."""
-        found = [each for each in self.talk.list_named() if each.type == "pedestrian"]
+        found = [each for each in self.talk.list_agents() if each.type == "pedestrian"]
         return found[0] if len(found) == 1 else None
-
-    def view(self, node: AgentNode) -> AgentView | None:
-        """The agent as it is in the scene."""
-        return next((each for each in self.talk.situation.present if each.id == node.id), None)
 
     def number(self, *units: str) -> float | None:
         """The first number in the words, with one of these units if any are named."""
@@ -182,25 +246,28 @@ class EditIntent:
 
     def find_edge(self, *kinds: str) -> RelationEdge | None:
         """The only relation of these kinds; None where there is none, or several."""
-        edges = self.talk.situation.graph.relations
-        found = [each for each in edges if not kinds or each.type in kinds]
+        found = self.talk.list_edges(*kinds)
         return found[0] if len(found) == 1 else None
+
+    def measured(self, figure: str) -> float | None:
+        """A figure that the checker measured of the first event that has it."""
+        figures = (each.evidence.get(figure) for each in self.talk.events)
+        return next((each for each in figures if isinstance(each, float)), None)
 
     def pair(self) -> tuple[str, str] | None:
         """(actor, affected agent): the two that are named, else those of the only relation."""
         every = [each.id for each in self.talk.situation.graph.agents]
         edge = self.find_edge()
-        if len(self.named) >= 2 and self.named[0].id != self.named[1].id:
+        if len(self.named) >= 2:
             return self.named[0].id, self.named[1].id
-        if self.named:
-            first = self.named[0].id
-            others = [each for each in every if each != first]
-            if edge is not None and first in (edge.from_, edge.to):
-                return first, edge.to if edge.from_ == first else edge.from_
-            return (first, others[0]) if len(others) == 1 else None
-        if edge is not None:
-            return edge.from_, edge.to
-        return (every[0], every[1]) if len(every) == 2 else None
+        if not self.named:
+            both = [edge.from_, edge.to] if edge is not None else every
+            return (both[0], both[1]) if len(both) == 2 else None
+        first = self.named[0].id
+        if edge is not None and first in (edge.from_, edge.to):
+            return first, edge.to if edge.from_ == first else edge.from_
+        others = [each for each in every if each != first]
+        return (first, others[0]) if len(others) == 1 else None
 
 
 _Answer = str | Reading | None
@@ -209,62 +276,25 @@ _Answer = str | Reading | None
 def spell_out(intent: str, words: str, talk: Talk) -> _Answer:
     """The wish as a plain sentence or a reading; None where the words leave out the agent or the
     change."""
+    if intent in _DECLINES:
+        return decline(_DECLINES[intent])
     if (make := _WISHES.get(intent)) is None:
         return None
     plain = simplify(words)
-    named = find_named(plain, talk)
-    if intent not in _OF_OTHERS and not named and (noun := _find_stranger(plain, talk)):
-        there = ", ".join(f"{e.id} ({e.subtype or e.type})" for e in talk.list_named())
+    named = talk.find_agents(plain)
+    if intent not in _OF_OTHERS and not named and (noun := talk.find_stranger(plain)):
+        there = ", ".join(f"{e.id} ({e.subtype or e.type})" for e in talk.list_agents())
         return decline(f"There is no {noun} that takes part; there is {there or 'none'}.")
-    if intent not in _OF_OTHERS and _find_stranger(plain, talk, new=True):
+    if intent not in _OF_OTHERS and talk.find_stranger(plain, new=True):
         return None  # "have a truck hit the car" brings in a truck, which no such change does
     return make(EditIntent(intent, plain, talk, tuple(named)))
 
 
-_OF_OTHERS: list[str] = WORDS["intent_edits"]["of_others"]
-
-
-def _find_stranger(plain: str, talk: Talk, *, new: bool = False) -> str | None:
-    """A noun of a road user of a class that no agent of the instruction has.
-
-    Args:
-        new: look at "a truck" and "another truck" instead of "the truck".
-    """
-    for each in _MENTION.finditer(plain):
-        noun = each["noun"]
-        if noun is not None and bool(each["new"]) is new:
-            kind, subtype = CLASSES[noun]
-            alike = [e for e in talk.situation.graph.agents if e.type == kind]
-            if not any(subtype in (None, "car", each.subtype) for each in alike):
-                return str(noun)
-    return None
-
-
-def find_named(plain: str, talk: Talk) -> list[AgentNode]:
-    """The agents of the instruction that the words name, in their order."""
-    if re.search(r"\b(?:both|the two|they|them|everyone|each other)\b", plain):
-        return list(talk.situation.graph.agents)
-    found: list[AgentNode] = []
-    for each in _MENTION.finditer(plain):
-        if each["new"]:
-            continue
-        said = each["id"] or each["word"]
-        noun = f"{each['other'] or ''}{each['noun']}" if said is None else said
-        node = talk.find("other one" if noun.startswith("the other") else noun)
-        if node is not None and node not in found:
-            found.append(node)
-    return found
-
-
 def _change_pace(wish: EditIntent) -> _Answer:
-    faster = wish.intent == "faster"
     every = list(wish.named) if len(wish.named) > 1 else [wish.choose()]
-    much = re.search(r"\b(?:a lot|much|way|far|really|super)\b", wish.plain)
-    chosen = [each.id for each in every if each is not None]
-    if not chosen:
-        return None
-    how = ("a lot " if much else "") + ("faster" if faster else "slower")
-    return ", ".join(f"make {each} {how}" for each in chosen)
+    much = "a lot " if wish.says(r"\b(?:a lot|much|way|far|really|super)\b") else ""
+    made = ", ".join(f"make {e.id} {much}{wish.intent}" for e in every if e is not None)
+    return (f"now {made}" if len(every) > 1 else made) or None
 
 
 def _change_speed(wish: EditIntent) -> _Answer:
@@ -272,61 +302,38 @@ def _change_speed(wish: EditIntent) -> _Answer:
     if node is None or value is None:
         return None
     unit = "m/s" if "m/s" in wish.plain else "mph" if "mph" in wish.plain else "km/h"
-    view = wish.view(node)
-    if view is not None and re.search(r"\bmore\b|\bby \d|\bexceed|\bextra\b", wish.plain):
+    view = wish.talk.view(node)
+    if view is not None and wish.says(r"\bmore\b|\bby \d|\bexceed|\bextra\b"):
         value += round(view.speed / _UNITS[unit])
-    if re.search(r"-\d", wish.plain):
+    if wish.says(r"(?<![a-z])-\d"):
         return decline("No agent drives backwards here; say a speed above zero.")
     return f"let {node.id} drive at {value:g} {unit}"
 
 
-_UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
-
-
-def find_new_kind(plain: str) -> str | None:
-    """The noun of a new agent, as in "a bus" or "into a bus"; None where there is none."""
-    ridden = re.sub(
-        r"\ban? (?:[a-z]+ )?[a-z]+ (?=(?:on|riding) an? )|\b(?:on|riding) (?=an? )", "", plain
-    )
-    found = _KINDS.search(ridden) or _BARE_KIND.search(ridden)
-    return None if found is None else found["noun"] or found["only"]
-
-
 def _add(wish: EditIntent) -> _Answer:
-    noun = find_new_kind(wish.plain)
-    if noun is None:
+    new, side = find_new_kind(wish.plain), _find_side(wish.plain)
+    if new is None:
         return None
-    side = _find_side(wish.plain)
     where = f" from the {side}" if side else ""
-    behind = re.search(r"\b(?:follow|behind|after)", wish.plain) and wish.named
-    if re.search(r"\b(?:follow|behind)", wish.plain) and not behind:
-        stranger = _find_stranger(wish.plain, wish.talk)
+    behind = wish.says(r"\b(?:follow|behind|after)") and wish.named
+    if wish.says(r"\b(?:follow|behind)") and not behind:
+        stranger = wish.talk.find_stranger(wish.plain)
         return decline(f"There is no {stranger} that takes part.") if stranger else None
-    return f"add a {noun}{where}" + (f" that follows {wish.named[0].id}" if behind else "")
+    return f"add a {new.head}{where}" + (f" that follows {wish.named[0].id}" if behind else "")
 
 
 def _become(wish: EditIntent) -> _Answer:
-    noun = find_new_kind(wish.plain)
-    if noun is None:
+    new = find_new_kind(wish.plain)
+    if new is None:
         return None
-    kind = CLASSES[noun][0]
-    alike = [
-        each
-        for each in wish.talk.list_named()
-        if (each.type == "pedestrian") == (kind == "pedestrian")
-    ]
+    on_foot = new.type == "pedestrian"
+    alike = [e for e in wish.talk.list_agents() if (e.type == "pedestrian") == on_foot]
     node = wish.named[0] if wish.named else alike[0] if len(alike) == 1 else wish.choose()
     if node is None:
         return None
-    return f"make {node.id} a {noun}" if kind == node.type else replace_agent(node, noun, wish.talk)
-
-
-def _find_side(plain: str) -> str | None:
-    bound = _BOUND.search(plain)
-    if bound is not None:
-        return OPPOSITE[bound[1]]
-    found = _SIDE.search(plain)
-    return None if found is None else found[1]
+    if new.type != node.type:
+        return replace_agent(node, new, wish.talk)
+    return _change(wish, node, subtype=new.subtype) if node.type == "vehicle" else None
 
 
 def _go(wish: EditIntent) -> _Answer:
@@ -335,45 +342,47 @@ def _go(wish: EditIntent) -> _Answer:
     return None if node is None or side is None else f"make {node.id} {way} the {side}"
 
 
+def _change(wish: EditIntent, node: AgentNode, **update: object) -> Edits:
+    """The agent on its way, with what is to be other."""
+    node = wish.talk.keep_way(node).model_copy(update=update)
+    return make_edits(ChangeAgent(node=AgentNode.model_validate(node.model_dump())))
+
+
 def _turn(wish: EditIntent) -> _Answer:
-    node = wish.choose()
-    turn = _find_turn(wish.plain)
-    view = None if node is None else wish.view(node)
-    if node is None or view is None or turn is None:
+    node, turn = wish.choose(), _find_turn(wish.plain)
+    if node is None or turn is None:
         return None
     if node.type == "pedestrian":
         return decline(f"{node.id} walks; say which crosswalk, or from which side it comes.")
-    way = {"entry": view.entry, "exit": None, "movement": turn}
-    return make_edits(ChangeAgent(node=AgentNode.model_validate({**node.model_dump(), **way})))
+    return _change(wish, node, exit=None, movement=turn)
 
 
 def _cross(wish: EditIntent) -> _Answer:
     node = next((each for each in wish.named if each.type == "pedestrian"), wish.find_walker())
-    view, side = (None if node is None else wish.view(node)), _find_side(wish.plain)
-    if side is None and re.search(r"\b(?:other|opposite)\b", wish.plain):
+    view, side = (None if node is None else wish.talk.view(node)), _find_side(wish.plain)
+    if side is None and wish.says(r"\b(?:other|opposite)\b"):
         side = OPPOSITE[view.crosswalk] if view is not None and view.crosswalk else None
     return None if node is None or side is None else f"put {node.id} on the {side} crosswalk"
 
 
 def _reverse(wish: EditIntent) -> _Answer:
     node = wish.choose()
-    view = None if node is None else wish.view(node)
+    view = None if node is None else wish.talk.view(node)
     if node is None or view is None:
         return None
-    if node.type == "pedestrian":
-        return f"{node.id} goes the other way"
-    return f"make {node.id} come from the {OPPOSITE[view.entry]}"
+    if node.type != "pedestrian":
+        return f"make {node.id} come from the {OPPOSITE[view.entry]}"
+    return _change(wish, node, entry=view.exit, exit=view.entry)
 
 
 def _change_clock(wish: EditIntent) -> _Answer:
     for hour, pattern in WORDS["intent_edits"]["hours"]:
         found = re.search(pattern, wish.plain)
-        if found is None:
-            continue
-        if not hour:
-            late = re.search(r"evening|afternoon|night|\bpm\b", wish.plain) and int(found[1]) < 12
+        if found is not None and hour:
+            return f"make it {hour}"
+        if found is not None:
+            late = wish.says(r"evening|afternoon|night|\bpm\b") and int(found[1]) < 12
             return f"make it {(int(found[1]) + (12 if late else 0)) % 24:02d}:{found[2] or '00'}"
-        return f"make it {hour}"
     return None
 
 
@@ -391,23 +400,19 @@ def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
     return make
 
 
-def _say(answer: _Answer) -> Callable[[EditIntent], _Answer]:
-    return lambda _wish: answer
-
-
 def _change_gap(wish: EditIntent) -> _Answer:
-    closer = wish.intent == "closer"
-    number = wish.number("s", "m")
-    if number is not None:
+    """What happens between two closer, or less close, than it is."""
+    closer, edge = wish.intent == "closer", wish.find_edge("near_miss", "yield_to")
+    if wish.number("s", "m") is not None:
         return _set_gap(wish)
+    headway, pet = wish.measured("least_headway"), wish.measured("pet")
+    if edge is not None and pet is not None:
+        pet *= _CLOSER if closer else 1 / _CLOSER
+        return _relate(edge, target_pet=round(min(max(pet, 0.3), 8.0), 1))
     edge = wish.find_edge("follow")
-    event = next(
-        (e for e in wish.talk.events if isinstance(e.evidence.get("least_headway"), float)), None
-    )
-    if edge is not None and event is not None:
-        wanted = float(event.evidence["least_headway"]) * (0.6 if closer else 1.7)
-        wanted = min(max(wanted, UNITS["headway"].least), UNITS["headway"].most)
-        return set_measure("headway", round(wanted, 1), edge.from_, edge.to)
+    if edge is not None and headway is not None:
+        headway *= 0.6 if closer else 1.7
+        return _set_measure("headway", round(headway, 1), edge.from_, edge.to)
     if wish.find_edge("collide_at") is not None:
         return decline(
             'They collide, so there is no gap; say "make it a near miss", or "a softer crash".'
@@ -420,18 +425,22 @@ def _set_gap(wish: EditIntent) -> _Answer:
     value, edge = wish.number("s", "m") or wish.number(), wish.find_edge()
     if value is None or edge is None:
         return None
-    metres = re.search(r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b", wish.plain) is not None
+    metres = _IN_METRES.search(wish.plain) is not None
     if edge.type == "follow":
-        return set_measure("gap" if metres else "headway", value, edge.from_, edge.to)
+        return _set_measure("gap" if metres else "headway", value, edge.from_, edge.to)
     if metres:
         return decline('How near they come is set in seconds (PET): say "a PET of 1 s".')
     if edge.type in ("near_miss", "yield_to"):
-        return make_edits(Relate(edge=edge.model_copy(update={"target_pet": min(value, 8.0)})))
+        return _relate(edge, target_pet=min(value, 8.0))
     return None
 
 
 def _change_impact(wish: EditIntent) -> _Answer:
-    return f"make the crash {wish.intent}" if wish.find_edge("collide_at") else None
+    edge, speed = wish.find_edge("collide_at"), wish.measured("relative_speed")
+    if edge is None or speed is None:
+        return None
+    speed *= _CLOSER if wish.intent == "softer" else 1 / _CLOSER
+    return _relate(edge, impact_speed=round(min(speed, 20.0), 1))
 
 
 def _set_impact(wish: EditIntent) -> _Answer:
@@ -439,16 +448,17 @@ def _set_impact(wish: EditIntent) -> _Answer:
     if value is None or edge is None:
         return None
     speed = value if "m/s" in wish.plain else value / 3.6
-    update = {"impact_speed": round(min(speed, 20.0), 2)}
-    return make_edits(Relate(edge=edge.model_copy(update=update)))
+    return _relate(edge, impact_speed=round(min(speed, 20.0), 2))
 
 
 def _change_event_time(wish: EditIntent) -> _Answer:
-    seconds = wish.number("s")
-    if seconds and re.search(r"\bsec(?:ond)?s? in(?:to)?\b|\bs in(?:to)?\b", wish.plain):
+    seconds, edge = wish.number("s"), wish.find_edge()
+    if seconds and wish.says(r"\bs(?:ec(?:ond)?s?)? in(?:to)?\b"):
         return f"let it happen {seconds:g} s into the scene"
-    when = "later" if wish.intent == "event_later" else "earlier"
-    return f"{seconds:g} seconds {when}" if seconds else when
+    if edge is None or not wish.talk.events:
+        return None
+    later = (seconds or _EARLIER) * (1 if wish.intent == "event_later" else -1)
+    return _set_measure("time", wish.talk.events[0].time + later, edge.from_, edge.to)
 
 
 def _come(wish: EditIntent) -> _Answer:
@@ -468,39 +478,50 @@ def _stop(wish: EditIntent) -> _Answer:
 
 
 def _make_stop(wish: EditIntent) -> _Answer:
-    node = wish.choose()
-    if node is None:
-        return None
-    edge = wish.find_edge("yield_to")
-    if edge is not None and edge.from_ == node.id:
+    node, edge = wish.choose(), wish.find_edge("yield_to")
+    if node is not None and edge is not None and edge.from_ == node.id:
         return f"make {node.id} stop"
-    return _make_event_rule("yield_to")(wish)
+    return None if node is None else _make_event_rule("yield_to")(wish)
 
 
 def _brake(wish: EditIntent) -> _Answer:
     node, value = wish.choose(), wish.number("m/s") or wish.number()
     if node is None or node.type == "pedestrian":
         return None
-    gentle = re.search(r"gentl|soft|less|light", wish.plain)
-    return set_measure("braking", value or (2.0 if gentle else 5.5), node.id)
+    gentle = wish.says(r"gentl|soft|less|light")
+    return _set_measure("braking", value or (2.0 if gentle else 5.5), node.id)
 
 
 def _change_motion(wish: EditIntent) -> _Answer:
     node = wish.named[0] if wish.named else wish.choose(vehicle_first=False)
-    if node is None or node.type != "pedestrian":
-        node = wish.find_walker()
+    node = node if node is not None and node.type == "pedestrian" else wish.find_walker()
+    walks = wish.says(r"\bwalk(?!s? or run)|\bno running|\bnot run|\bstop running")
+    return None if node is None else _change(wish, node, motion=None if walks else "runs")
+
+
+def _change_reaction(wish: EditIntent) -> _Answer:
+    """The agent of a collision or a near miss that does not react to it, or reacts after all."""
+    node = wish.choose()
+    drivers = [each for each in wish.talk.list_agents() if each.type != "pedestrian"]
+    if "brake" in wish.plain and (node is None or node.type == "pedestrian"):
+        node = drivers[0] if len(drivers) == 1 else None
     if node is None:
         return None
-    walks = re.search(r"\bwalk(?!s? or run)|\bno running|\bnot run|\bstop running", wish.plain)
-    update = {"motion": None if walks else "runs"}
-    return make_edits(ChangeAgent(node=wish.talk.keep_way(node).model_copy(update=update)))
-
-
-_PEOPLE = r"\b(?:people|pedestrians?|walkers?|peds?|persons?|on foot)\b"
+    met = wish.talk.list_edges("collide_at", "near_miss")
+    if not any(node.id in (edge.from_, edge.to) for edge in met):
+        return decline(
+            f"{node.id} is in no collision and no near miss, so there is nothing to react to. "
+            'Say what shall happen first, such as "have it be a near miss".'
+        )
+    wanted = "none" if wish.says(r"\b(?:not|never|no|without)\b|n't|\bignor|\bunaware") else None
+    if node.reaction == wanted:
+        return decline(f"{node.id} {'does not react' if wanted else 'may react'} already.")
+    return _change(wish, node, reaction=wanted)
 
 
 def _find_kinds(plain: str) -> list[str]:
-    people, cars = re.search(_PEOPLE, plain), re.search(r"\b(?:cars?|vehicles?)\b", plain)
+    people = re.search(r"\b(?:people|pedestrians?|walkers?|peds?|persons?|on foot)\b", plain)
+    cars = re.search(r"\b(?:cars?|vehicles?)\b", plain)
     if people and not cars:
         return ["pedestrians"]
     return ["vehicles"] if cars and not people else ["vehicles", "pedestrians"]
@@ -509,7 +530,7 @@ def _find_kinds(plain: str) -> list[str]:
 def _change_background(wish: EditIntent) -> _Answer:
     now, kinds, number = wish.talk.count_others(), _find_kinds(wish.plain), wish.number()
     more = wish.intent == "more_traffic"
-    twice, half = re.search(r"\b(?:twice|double)\b", wish.plain), re.search(r"\bhalf\b", wish.plain)
+    twice, half = wish.says(r"\b(?:twice|double)\b"), wish.says(r"\bhalf\b")
     wanted = {}
     for kind in kinds:
         was = now[kind]
@@ -529,36 +550,37 @@ def _change_background(wish: EditIntent) -> _Answer:
 
 def _remove_background(wish: EditIntent) -> _Answer:
     """No agent besides those of the event; or none of a kind of vehicle."""
-    nouns = re.findall(rf"\b({_NOUN})(?:e?s)\b", wish.plain)
-    if rare := {CLASSES[each][1] for each in nouns} - {None, "car"}:
+    rare = {e.subtype for e in find_named(wish.plain) if e.plural} - {None, "car"}
+    if rare:
         gone = [each.id for each in wish.talk.situation.present
                 if each.role == "background" and each.subtype in rare]  # fmt: skip
         if not gone:
             return decline("There is none of these besides those that you spoke of.")
         return make_edits(*(RemoveAgent(agent=each) for each in gone))
-    kinds = _find_kinds(re.sub(r"\bonly\b.*|\bjust\b.*|\bleave\b.*", "", wish.plain))
+    kinds = _find_kinds(re.sub(r"\b(?:only|just|leave)\b.*", "", wish.plain))
     return make_edits(SetBackground.model_validate(dict.fromkeys(kinds, 0)))
 
 
 def _set_count(wish: EditIntent) -> _Answer:
     number, kinds = wish.number(), _find_kinds(wish.plain)
-    if number is None:
-        return None
-    return make_edits(SetBackground.model_validate({kinds[0]: round(min(number, MOST_BACKGROUND))}))
+    wanted = {f"{e.type}s": e.count for e in find_named(wish.plain) if e.count is not None}
+    if not wanted.keys() <= {"vehicles", "pedestrians"} or len(wanted) < 2:
+        wanted = {} if number is None else {kinds[0]: round(number)}
+    most = {kind: min(count, MOST_BACKGROUND) for kind, count in wanted.items()}
+    return make_edits(SetBackground.model_validate(most)) if most else None
 
 
 def _redraw(wish: EditIntent) -> _Answer:
-    one = wish.named and re.search(r"\b(?:path|way|route)\b", wish.plain)
+    one = wish.named and wish.says(r"\b(?:path|way|route)\b")
     return make_edits(Redraw(agent=wish.named[0].id if one else None))
 
 
 def _park_vehicle(wish: EditIntent) -> _Answer:
-    found = re.search(rf"\b(?P<noun>{_NOUN}|box|container|bin)\b", wish.plain)
-    side = _find_side(wish.plain)
-    if found is None or side is None:
+    thing, side = re.search(r"\b(?:box|container|bin)\b", wish.plain), _find_side(wish.plain)
+    kinds = [each.head for each in find_named(wish.plain) if each.type not in (None, "none")]
+    if side is None or not (thing or kinds):
         return None
-    parked = "" if found["noun"] in ("box", "container", "bin") else "parked "
-    return f"add a {parked}{found['noun']} on the {side} leg"
+    return f"add a {thing[0] if thing else f'parked {kinds[0]}'} on the {side} leg"
 
 
 def _remove_parked(wish: EditIntent) -> _Answer:
@@ -578,13 +600,12 @@ def _hide(wish: EditIntent) -> _Answer:
 
 
 def _change_light(wish: EditIntent) -> _Answer:
-    running = [each for each in wish.talk.situation.graph.agents if each.runs_red]
     runs = wish.intent == "run_red"
-    node = wish.choose() if runs else (running[0] if running else None)
+    running = [each for each in wish.talk.situation.graph.agents if each.runs_red]
+    node = wish.choose() if runs else next(iter(running), None)
     if node is None:
         return None if runs else decline("No agent runs a red light in this scene.")
-    made = wish.talk.keep_way(node).model_copy(update={"runs_red": runs})
-    return make_edits(ChangeAgent(node=made))
+    return _change(wish, node, runs_red=runs)
 
 
 def _make_jaywalker(wish: EditIntent) -> _Answer:
@@ -592,11 +613,6 @@ def _make_jaywalker(wish: EditIntent) -> _Answer:
     return None if walker is None else f"make {walker.id} jaywalk"
 
 
-BEYOND = (
-    "That cannot be had here: there are vehicles, cyclists, e-scooters and pedestrians at this "
-    'intersection, how they move, and the hour. Say for instance "make the car a bus" or "make it '
-    'night".'
-)
 _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "slower": _change_pace, "faster": _change_pace, "set_speed": _change_speed,
     "remove": lambda wish: f"remove {wish.named[0].id}" if wish.named else None,
@@ -604,16 +620,15 @@ _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "cross_at": _cross, "reverse": _reverse, "clock": _change_clock,
     "collide": _make_event_rule("collide_at"), "near_miss": _make_event_rule("near_miss"),
     "yields": _make_event_rule("yield_to"), "follow": _make_event_rule("follow"),
-    "nothing_happens": _say("nothing happens"), "swap": _say("swap roles"), "closer": _change_gap,
-    "less_close": _change_gap, "set_gap": _set_gap, "harder": _change_impact,
-    "softer": _change_impact, "set_impact": _set_impact, "event_earlier": _change_event_time,
-    "event_later": _change_event_time, "come_earlier": _come, "come_later": _come,
+    "nothing_happens": lambda _wish: "nothing happens", "swap": lambda _wish: "swap roles",
+    "closer": _change_gap, "less_close": _change_gap, "set_gap": _set_gap,
+    "harder": _change_impact, "softer": _change_impact, "set_impact": _set_impact,
+    "event_earlier": _change_event_time, "event_later": _change_event_time,
+    "come_earlier": _come, "come_later": _come,
     **dict.fromkeys(("wait_longer", "wait_less", "stop_earlier", "stop_later"), _stop),
-    "make_stop": _make_stop,
-    "brake_hard": _brake, "runs": _change_motion, "more_traffic": _change_background,
+    "make_stop": _make_stop, "brake_hard": _brake, "not_react": _change_reaction,
+    "runs": _change_motion, "more_traffic": _change_background,
     "less_traffic": _change_background, "no_traffic": _remove_background, "set_count": _set_count,
     "redraw": _redraw, "park": _park_vehicle, "unpark": _remove_parked, "hide": _hide,
     "run_red": _change_light, "obey": _change_light, "jaywalk": _make_jaywalker,
-    "weather": _say(decline(WEATHER)), "length": _say(decline(LENGTH)),
-    "beyond": _say(decline(BEYOND)),
 }  # fmt: skip

@@ -8,28 +8,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 
-from scenewright.authoring.everyday_words import Talk, replace_agent, simplify
 from scenewright.authoring.intent_edits import (
     LIKELY,
+    MAKES,
     STEPS,
     SURE,
-    find_named,
     find_new_kind,
     guess_intent,
-    has_agent_noun,
-    is_change,
     is_consistent,
-    is_question,
-    list_makes,
+    relates_known,
     spell_out,
 )
 from scenewright.authoring.read_turn import offer_sentences
+from scenewright.authoring.talk import Talk, simplify
 from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
 from scenewright.authoring.vocabulary import compile_words
-from scenewright.backends.offline import CLASSES, WORDS, rank_intents
+from scenewright.backends.offline import CLASSES, WORDS, find_named, rank_intents
 from scenewright.scene.edits import (
+    ChangeAgent,
     Clarification,
     DeclinedTurn,
     Edit,
@@ -37,14 +34,11 @@ from scenewright.scene.edits import (
     NewScene,
     Reading,
     Relate,
-    Situation,
-    apply_edits,
 )
+from scenewright.scene.route_table import WAY_FIELDS
 
-Read = Callable[[str, Talk], Reading]
+Read = Callable[[str], Reading]
 _CLAUSES = re.compile(r"\s*(?:[.;!?]+(?=\s|$)|,|\s-\s)\s*")
-_PARTS = compile_words("second_opinion.parts")
-_DECLINES = ("weather", "length", "beyond")
 _NUMBER = compile_words("second_opinion.number")
 _NUMBERS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
 _SENTENCES: dict[str, str] = WORDS["second_opinion"]["sentences"]
@@ -66,7 +60,7 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     if not scene and guess.intent == "new_scene" and guess.chance >= LIKELY:
         return TurnKind(kind="words", words=words)
     if turn.kind == "question":
-        if is_change(guess.intent) and guess.chance >= SURE and not words.rstrip().endswith("?"):
+        if guess.is_change and guess.chance >= SURE and not words.rstrip().endswith("?"):
             return TurnKind(kind="words", words=words)
         if guess.intent in _COMMANDS and guess.chance >= LIKELY - 0.05:
             return _step(STEPS[guess.intent], words)
@@ -77,10 +71,10 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     if clause is not None:
         return clause
     greets = not scene and guess.intent in ("help", "talk")
-    asks = is_question(guess.intent) and guess.intent != "q_story"  # an order, as changes are
+    asks = guess.is_question and guess.intent != "q_story"  # an order, as changes are
     if guess.chance < (LIKELY if greets or asks else SURE - 0.1):
         return turn
-    if is_question(guess.intent) and (scene or guess.chance >= SURE):
+    if guess.is_question and (scene or guess.chance >= SURE):
         return TurnKind(kind="question", words=words, topic=guess.intent)
     steps = ("version", "undo", "redo")
     if scene and (guess.intent == "version" or (guess.intent in steps and _NEWEST.search(words))):
@@ -108,7 +102,7 @@ _VERSION = compile_words("second_opinion.version")
 
 def _find_topic(words: str) -> str | None:
     """The topic of a question, as far as the model of turns knows it."""
-    asked = [each for each in rank_intents(words) if is_question(each.name)]
+    asked = [each for each in rank_intents(words) if each.name.startswith("q_")]
     return asked[0].name if asked[0].chance >= LIKELY else None
 
 
@@ -126,7 +120,7 @@ def _is_change(words: str) -> bool:
     if len(clauses) < 2:
         return False
     guesses = [guess_intent(each) for each in clauses]
-    return any(is_change(each.intent) and each.chance >= LIKELY for each in guesses)
+    return any(each.is_change and each.chance >= LIKELY for each in guesses)
 
 
 _RATHER = compile_words("second_opinion.rather")
@@ -184,11 +178,11 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
         (verb for verb, pattern in WORDS["second_opinion"]["events"] if re.search(pattern, plain)),
         None,
     )
-    if verb is not None and not has_agent_noun(plain) and len(plain.split()) <= _LONGEST_FIRST:
+    if verb is not None and not find_named(plain) and len(plain.split()) <= _LONGEST_FIRST:
         sentences = [f"{one} {verb} {other}" for one, other in WORDS["second_opinion"]["parties"]]
         return offer_sentences("Who takes part?", sentences)
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
-    if not is_change(guess.intent) or guess.chance < SURE or guess.intent in events:
+    if not guess.is_change or guess.chance < SURE or guess.intent in events:
         return None
     if len(_NEW_ONE.findall(words.lower())) >= 1:
         return None
@@ -205,11 +199,9 @@ def _find_clause(words: str) -> TurnKind | None:
     if len(clauses) < 2 or _is_change(" , ".join(clauses[:-1]) + ","):
         return None
     turn, guess = classify_turn(clauses[-1]), guess_intent(clauses[-1])
-    if turn.kind == "question" and not is_change(guess.intent):
-        return turn.model_copy(
-            update={"topic": guess.intent if is_question(guess.intent) else None}
-        )
-    if is_change(guess.intent) and guess.chance >= LIKELY:
+    if turn.kind == "question" and not guess.is_change:
+        return turn.model_copy(update={"topic": guess.intent if guess.is_question else None})
+    if guess.is_change and guess.chance >= LIKELY:
         return None
     for clause in reversed(clauses):
         guess = guess_intent(clause)
@@ -229,57 +221,64 @@ _KEEPS_OUT = compile_words("second_opinion.keeps_out")
 _NO_CONTACT = compile_words("second_opinion.no_contact")
 
 
-def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
-    """The reading of `_choose_reading`, unless the words themselves speak against it."""
-    found, plain = _choose_reading(words, by_rule, talk, read), words.lower()
+def choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
+    """What the words change: as the planner read them, as is likely to be wanted, or a question.
+
+    Args:
+        read: reads a plain sentence as the planner does.
+    """
+    found, plain = _choose_reading(words, by_planner, talk, read), words.lower()
     if not isinstance(found, Edits):
         return found
-    kinds = {each.edit for each in found.edits}
-    removes = "remove_agent" in kinds
     chances = dict(rank_intents(words))
     asked = sum(chances[name] for name in WORDS["second_opinion"]["removing"]) >= _HARDLY
+    removes = any(each.edit == "remove_agent" for each in found.edits)
     if removes and (_KEEPS_OUT.search(plain) or not asked):
         return _ask(words, talk, read) or _decline_change()
     hits = any(isinstance(each, Relate) and each.edge.type == "collide_at" for each in found.edits)
     if hits and _NO_CONTACT.search(plain):
         return offer_sentences("I am not sure what shall be different.", ["make it a near miss"])
-    return found
+    return _keep_ways(found, talk)
 
 
-def _choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
-    """The reading by rule, or the one by intent, or a question where neither is sure.
+def _keep_ways(reading: Edits, talk: Talk) -> Edits:
+    """What the words leave open of an agent's way is as it was: all of it, or after a turn where
+    it comes from."""
+    known = {each.id: each for each in talk.situation.graph.agents}
 
-    Args:
-        read: reads a plain sentence by rule.
-    """
+    def keep(edit: Edit) -> Edit:
+        if not isinstance(edit, ChangeAgent) or edit.node.id not in known:
+            return edit
+        node, was, view = edit.node, known[edit.node.id], talk.view(edit.node)
+        if all(getattr(node, each) == getattr(was, each) for each in WAY_FIELDS):
+            return ChangeAgent(node=talk.keep_way(node))
+        if view is None or node.entry is not None or node.movement in (None, view.movement):
+            return edit
+        return ChangeAgent(node=node.model_copy(update={"entry": view.entry}))
+
+    return Edits(edits=tuple(map(keep, reading.edits)))
+
+
+def _choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
     guess = guess_intent(words)
     if (noun := simplify(words)) in CLASSES:
-        there = [f"remove {each.id}" for each in find_named(f"the {noun}", talk)[:1]]
+        there = [f"remove {each.id}" for each in talk.find_agents(f"the {noun}")[:1]]
         return offer_sentences(f"What about the {noun}?", [f"add a {noun}", *there])
-    if is_consistent(by_rule, guess.intent, words):
-        return by_rule
+    if is_consistent(by_planner, guess.intent, words, talk):
+        return by_planner
     counts = guess.intent == "set_count" and guess.chance >= SURE  # "cars 6" is not vehicle-6
-    if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible" and not counts:
-        return by_rule  # it was understood, and says what the map does not allow
-    if isinstance(by_rule, Edits) and _is_bold(by_rule, words):
-        by_rule = _decline_change()
-    parts = _read_parts(words, talk, read)
-    if parts is not None and not (
-        isinstance(by_rule, Edits) and len(by_rule.edits) >= len(parts.edits)
+    if isinstance(by_planner, DeclinedTurn) and by_planner.code == "impossible" and not counts:
+        return by_planner  # it was understood, and says what the map does not allow
+    if isinstance(by_planner, Edits) and (
+        _is_bold(by_planner, words)
+        or (guess.intent == "add_agent" and relates_known(by_planner, talk))
     ):
-        return parts
-    if guess.intent == "new_scene" or guess.chance < LIKELY:
-        return _keep(words, by_rule, talk, read)
-    if guess.intent in _DECLINES:
-        unread = not isinstance(by_rule, Edits) or guess.chance >= SURE - 0.15
-        said = spell_out(guess.intent, words, talk)
-        return said if unread and isinstance(said, DeclinedTurn) else by_rule
-    made = _make(guess.intent, words, talk, read)
-    if isinstance(by_rule, Edits):
-        return made if made is not None and guess.chance >= SURE - 0.1 else by_rule
-    if made is None:
-        return _keep(words, by_rule, talk, read)
-    return made
+        by_planner = _decline_change()
+    if guess.chance >= (SURE - 0.1 if isinstance(by_planner, Edits) else LIKELY):
+        made = _make(guess.intent, words, talk, read)
+        if made is not None:
+            return made
+    return _keep(words, by_planner, talk, read)
 
 
 def _is_bold(reading: Edits, words: str) -> bool:
@@ -287,35 +286,31 @@ def _is_bold(reading: Edits, words: str) -> bool:
     if find_new_kind(simplify(words)) is not None:
         return False
     kinds = {each.edit for each in reading.edits}
-    return (
-        sum(each.chance for each in rank_intents(words) if kinds & list_makes(each.name)) < _HARDLY
-    )
+    fitting = (e.chance for e in rank_intents(words) if kinds.intersection(MAKES.get(e.name, ())))
+    return sum(fitting) < _HARDLY
 
 
 def _make(intent: str, words: str, talk: Talk, read: Read) -> Reading | None:
-    if not is_change(intent):
-        return None
+    """What does the intent; None where that is nothing, or a scene of its own."""
     spelt = spell_out(intent, words, talk)
-    if spelt is None or not isinstance(spelt, str):
-        return spelt
-    made = read(spelt, talk)
+    made = read(spelt) if isinstance(spelt, str) else spelt
     return None if isinstance(made, NewScene) else made
 
 
-def _keep(words: str, by_rule: Reading, talk: Talk, read: Read) -> Reading:
-    """The reading by rule, where it may stand; else a question what is meant."""
-    if isinstance(by_rule, Edits | Clarification):
-        return by_rule
-    if isinstance(by_rule, NewScene) and (
+def _keep(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
+    """The planner's reading, where it may stand; else a question what is meant."""
+    if isinstance(by_planner, Edits | Clarification):
+        return by_planner
+    if isinstance(by_planner, NewScene) and (
         # The words describe a scene of their own rather than something about this one.
         dict(rank_intents(words))["new_scene"] >= LIKELY
         or len(_NEW_ONE.findall(words.lower())) >= 2
     ):
-        return by_rule
-    if isinstance(by_rule, DeclinedTurn) and by_rule.code not in ("no_change", "out_of_scope"):
-        return by_rule
-    refused = isinstance(by_rule, DeclinedTurn) and by_rule.code != "no_change"
-    return _ask(words, talk, read) or (by_rule if refused else _decline_change())
+        return by_planner
+    declined = isinstance(by_planner, DeclinedTurn) and by_planner.code != "no_change"
+    if declined and by_planner.code != "out_of_scope":
+        return by_planner
+    return _ask(words, talk, read) or (by_planner if declined else _decline_change())
 
 
 def _decline_change() -> DeclinedTurn:
@@ -335,48 +330,14 @@ def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:
     """ "Do you mean 1: make the car slower 2: ...": the likeliest wishes that can be done."""
     offered: list[str] = []
     for name, chance in rank_intents(simplify(words) or words)[:6]:
-        if chance < _LEAST_OFFERED or not is_change(name):
+        if chance < _LEAST_OFFERED or name not in MAKES:
             continue
         spelt = spell_out(name, words, talk)
-        sentence = _SENTENCES.get(name) if isinstance(spelt, Edits) else spelt
-        sentence = sentence if isinstance(sentence, str) else None
-        if sentence and sentence not in offered and isinstance(read(sentence, talk), Edits):
-            offered.append(sentence)
+        if isinstance(spelt, str):
+            said = spelt if isinstance(read(spelt), Edits) else None
+        else:
+            said = _SENTENCES.get(name) if isinstance(spelt, Edits) else None
+        if said is not None and said not in offered:
+            offered.append(said)
     question = "I am not sure what shall be different."
     return offer_sentences(question, offered[:_MOST_OFFERED]) if offered else None
-
-
-_REMARKS = compile_words("second_opinion.remarks")
-_TAKES_BACK = compile_words("second_opinion.takes_back")
-_IN_PLACE = re.compile(r"\b(?:there|instead|place)\b", re.IGNORECASE)
-
-
-def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
-    """Several changes in one line; None where a part is none, or cannot be done."""
-    parts = [each for each in _PARTS.split(simplify(words)) if each]
-    parts = [each for each in parts if not _REMARKS.match(each)]
-    if len(parts) < 2 or _TAKES_BACK.search(words.lower()):
-        return None
-    guesses = [guess_intent(each) for each in parts]
-    if sum(is_change(each.intent) and each.chance >= LIKELY for each in guesses) < 2:
-        return None
-    if [each.intent for each in guesses] == ["remove", "add_agent"] and _IN_PLACE.search(words):
-        gone = find_named(parts[0], talk)
-        noun = find_new_kind(parts[1])
-        return replace_agent(gone[0], noun, talk) if gone and noun else None
-    edits: list[Edit] = []
-    now = talk
-    for part, guess in zip(parts, guesses, strict=True):
-        if guess.intent in ("talk", "show") and guess.chance >= LIKELY:
-            continue
-        by_rule: Reading | None = read(part, now)
-        fits = by_rule is not None and is_consistent(by_rule, guess.intent, part)
-        made = by_rule if fits else _make(guess.intent, part, now, read)
-        if not isinstance(made, Edits) or guess.chance < 0.3:
-            return None
-        edits += made.edits
-        graph = apply_edits(now.situation.graph, made.edits)
-        there = {each.id for each in graph.agents}
-        present = tuple(e for e in now.situation.present if e.role == "background" or e.id in there)
-        now = replace(now, situation=Situation(graph=graph, present=present))
-    return Edits(edits=tuple(edits))

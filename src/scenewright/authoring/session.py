@@ -26,9 +26,7 @@ from scenewright.authoring.answer_question import answer_question, define_terms,
 from scenewright.authoring.apply_edits import list_concerned
 from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.direct_edits import list_handles, read_direct_edits
-from scenewright.authoring.everyday_words import Talk, check_reading, read_everyday, simplify
 from scenewright.authoring.find_version import find_version
-from scenewright.authoring.intent_edits import find_named
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
@@ -43,6 +41,7 @@ from scenewright.authoring.second_opinion import (
     correct_within,
     weigh_kind,
 )
+from scenewright.authoring.talk import Talk, simplify
 from scenewright.authoring.thread_state import (
     PendingChoice,
     RefusedTurn,
@@ -478,18 +477,14 @@ def _read(
         return _read_with(words, situation, chosen, state, context, account=account)
     proof = Proof.model_validate_json(context.threads.get_bytes(version["proof"]))
     talk = Talk(situation, _list_touched(state), proof.events, state.get("narrator"))
-    asked = [each.id for each in find_named(simplify(state.get("before", "")), talk)]
+    asked = [each.id for each in talk.find_agents(simplify(state.get("before", "")))]
     if len(asked) == 1:  # "how fast is the car?", and then "make it slower"
         talk = replace(talk, touched=[*asked, *talk.touched])
 
-    def read_plain(plain: str, about: Talk) -> Reading:
-        found = read_everyday(plain, about)
-        if found is not None:
-            return found
-        found = _read_with(plain, about.situation, {}, state, context, account=account)
-        return check_reading(plain, found, about)
+    def read_plain(plain: str) -> Reading:
+        return _read_with(plain, situation, {}, state, context, account=account)
 
-    return choose_reading(said, read_plain(words, talk), talk, read_plain)
+    return choose_reading(said, read_plain(talk.name_spoken(words)), talk, read_plain)
 
 
 def _list_touched(state: ThreadState) -> list[str]:

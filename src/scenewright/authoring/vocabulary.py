@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 
-from scenewright.backends.offline import CLASSES, WORDS
+from scenewright.backends.offline import WORDS
 
 _PARTS = WORDS["turn_parts"] | {
-    "noun": "|".join(sorted(CLASSES, key=len, reverse=True)),
     "number_words": "|".join(WORDS["turn_kind"]["numbers"]),
 }
 

@@ -6,19 +6,22 @@ Rooms above load it from here, so that they need not know how the planner is bui
 from __future__ import annotations
 
 from scenewright.backends.builtin.draft import build_site
-from scenewright.backends.builtin.named import CLASSES
+from scenewright.backends.builtin.named import CLASSES, Named, find_named
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.words import WORDS
-from scenewright.backends.builtin.references import build_clarification, read_choice
+from scenewright.backends.builtin.references import ORDINALS, build_clarification, read_choice
 from scenewright.backends.builtin.revising import begins_anew, read
 from scenewright.backends.builtin.turn_intent import rank_intents
 
 __all__ = [
     "CLASSES",
+    "ORDINALS",
     "WORDS",
+    "Named",
     "begins_anew",
     "build_clarification",
     "build_site",
+    "find_named",
     "plan",
     "rank_intents",
     "read",

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.named import Named
 from scenewright.backends.builtin.phrases import replace_phrases
+from scenewright.backends.builtin.reader.annotation import PAIRS, SEPARATOR
 from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.learned_plan import (
     LearnedPlan,
@@ -106,6 +107,9 @@ class _Change:
         self._graph, self._site = situation.graph, site
         self._before, self._after = before.plan, after.plan
         self._hidden = {each.hides for each in after.plan.objects}
+        said, cut = after.reading.spans, after.reading.text.find(SEPARATOR)
+        tells = (*PAIRS, "swap", "first")
+        self._tells_event = any(each.start > cut and each.tag in tells for each in said)
         known = [each.id for each in self._graph.agents]
         # Each sentence of the scene brings one agent, in order.
         types = [self._before.agent(before.users[n]).type for n in sorted(before.users)]
@@ -194,7 +198,8 @@ class _Change:
             own = next((e for e in self._graph.relations if {e.from_, e.to} == pair), None)
             was = read.get(pair)
             if own is None or was is None or (own.type, own.from_) != (now.type, now.from_):
-                kept.append(now)
+                unsaid = own is not None and own.type == now.type and not self._tells_event
+                kept.append(own if own is not None and unsaid else now)
                 continue
             old = was.model_copy(update={f: self._was.get(getattr(was, f) or "") for f in _ENDS})
             changed = {

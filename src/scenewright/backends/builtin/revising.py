@@ -264,7 +264,7 @@ def _read_removal(
     text: str, plain: str, every: Sequence[Named], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """ "remove the truck", "drop the collision", "remove all pedestrians"."""
-    if not _REMOVES.search(plain):
+    if not _REMOVES.search(plain) or any(each.det == "indefinite" for each in every):
         return None
     agent = people.find_by_id(text) or _find_subject(every, people)
     if agent is not None:
@@ -382,7 +382,7 @@ def _read_kind(
         subject = people.pick(vehicles, "vehicle")
     if subject.type == "pedestrian" or subject.role == "background":
         raise Refused("impossible", f"{subject.id} cannot become that; remove it and add another.")
-    if any(way.start > last.start for way in find_ways(plain)):
+    if subject.type in RIDERS or any(way.start > last.start for way in find_ways(plain)):
         return None
     node = situation.graph.agent(subject.id)
     return (ChangeAgent(node=node.model_copy(update={"subtype": _get_kind(last)})),)
