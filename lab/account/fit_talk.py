@@ -22,9 +22,9 @@ from scenewright.scene.base import FloatArray
 from scenewright.tools.account.account import is_function
 from scenewright.tools.account.talk import (
     BUCKETS,
-    LIKELY,
     WEIGHTS,
     compute_content_chance,
+    get_limit,
     hash_features,
 )
 from scenewright.tools.account.vocabulary import read_tokens
@@ -32,14 +32,15 @@ from scenewright.tools.account.vocabulary import read_tokens
 _SILENT = (None, "manner", "del", "normal", "veh", "ped", "cyc", "scoot", "ref")
 """Marks, or none, of words that claim nothing by themselves."""
 _UNSHOWN = ("act", "thing", "place", "weather", "cond", "broken", "other", "obj", "sight", "speed")
-_STRENGTH = 0.3
+_STRENGTH = 0.15
 
 
 class Example(NamedTuple):
-    """An unknown word: the file it is from, its features, and whether it says something."""
+    """An unknown word: its file, features and limit, and whether it says something."""
 
     file: str
     features: list[int]
+    limit: float
     tells: bool
 
 
@@ -63,7 +64,9 @@ def read_examples(paths: Sequence[Path]) -> list[Example]:
                     for m, each in enumerate(tokens)
                 )
                 tells = tag in _UNSHOWN or (tag not in _SILENT and not others)
-                found.append(Example(path.stem, hash_features(tokens, n), tells))
+                found.append(
+                    Example(path.stem, hash_features(tokens, n), get_limit(tokens, n), tells)
+                )
     return found
 
 
@@ -77,7 +80,7 @@ def fit_weights(examples: Sequence[Example]) -> FloatArray:
     """[BUCKETS + 1] log-odds of each feature, the intercept last."""
     model: Any = linear_model.LogisticRegression(C=_STRENGTH, max_iter=500)
     model.fit(_build_matrix(examples), [each.tells for each in examples])
-    return np.append(model.coef_[0], model.intercept_).astype(np.float32)
+    return np.append(model.coef_[0], model.intercept_).astype(np.float16)
 
 
 def check(examples: Sequence[Example]) -> None:
@@ -89,7 +92,8 @@ def check(examples: Sequence[Example]) -> None:
         held = set(names[fold::5])
         weights = fit_weights([each for each in examples if each.file not in held])
         for each in (e for e in examples if e.file in held):
-            passed[each.tells].append(compute_content_chance(weights, each.features) < LIKELY)
+            chance = compute_content_chance(weights, each.features)
+            passed[each.tells].append(chance < each.limit)
     for tells, found in passed.items():
         kind = "that say something" if tells else "without content"
         print(f"of {len(found)} unknown words {kind} {np.mean(found):.1%} pass for talk")

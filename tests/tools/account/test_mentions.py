@@ -77,3 +77,13 @@ def test_a_noun_that_describes_another_is_no_road_user() -> None:
 def test_words_in_brackets_stand_for_what_a_label_names() -> None:
     text = "Vehicle 1 (eastbound car) struck vehicle 2 (northbound motorcycle)"
     assert [each.label for each in find_mentions(read_tokens(text))] == ["1", "1", "2", "2"]
+
+
+def test_a_counted_vehicle_before_an_event_may_be_of_any_class() -> None:
+    assert find("two vehicle accident, a scooter and a van")[0].classes == {"any"}
+    assert find("two car accident")[0].classes == {"car"}
+
+
+def test_a_man_told_of_again_is_the_one_who_rides() -> None:
+    assert "cyclist" in find("a car passes a man on a bike and the man swerves")[2].classes
+    assert find("a car passes a man on a bike and a man walks")[2].classes == {"pedestrian"}

@@ -166,7 +166,8 @@ def list_unknown_words(
 def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
     """Why nothing can show a word; None where something may."""
     token = tokens[n]
-    if token.kind != "word" or token.number is not None or token.text.endswith("ly"):
+    says_nothing = token.number is not None or token.text.endswith("ly")
+    if token.kind != "word" or says_nothing or _names_number(tokens, n):
         return None
     families = token.list_families()
     if families == {"beyond"} and not token.phrase and not _is_denied(tokens, n):
@@ -182,6 +183,11 @@ def _is_denied(tokens: Sequence[Token], n: int) -> bool:
         if each.negates:
             return True
     return False
+
+
+def _names_number(tokens: Sequence[Token], n: int) -> bool:
+    """Whether a word says what the number after it is of, which says nothing: "Ref 24-118"."""
+    return tokens[n].is_in("numbered") and n + 1 < len(tokens) and is_label(tokens, n + 1)
 
 
 def _is_stop(token: Token) -> bool:
@@ -257,8 +263,7 @@ def _judge(
 ) -> _Judged | None:
     """The state of a word by the results of its claims; None where it needs no state."""
     token = tokens[n]
-    labels = token.is_in("numbered") and n + 1 < len(tokens) and is_label(tokens, n + 1)
-    if _is_stop(token) or is_label(tokens, n) or labels:
+    if _is_stop(token) or is_label(tokens, n) or _names_number(tokens, n):
         return None
     held = [each for each in found if each[1].holds]
     false = [each for each in found if each[1].holds is False]

@@ -764,11 +764,12 @@ def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
 
 
 def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
-    """Agents that follow another one closely or nearly hit it, and those others."""
+    """Agents that follow another one closely or nearly hit it, and those others; or an object."""
     follows = (e for e in facts.events if e.type == "follow")
     close = [e for e in follows if e.evidence.get("least_headway", 2 * CLOSE) <= CLOSE]
     close += [e for e in facts.events if e.type == "near_miss"]
-    return [number for e in close for number in (e.from_, e.to)]
+    met = [m.agent for m in facts.scene.encounters if makes_true("encounter", m.how, "near_miss")]
+    return [*met, *(number for e in close for number in (e.from_, e.to))]
 
 
 def find_meeting(facts: SceneFacts, value: str) -> list[int]:

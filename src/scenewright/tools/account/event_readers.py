@@ -112,14 +112,13 @@ def read_order(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     """Who passes first, or last."""
     token = finder.tokens[n]
     for index, m in enumerate(finder.mentions):
-        if m.start <= n <= m.head:  # "the second car" is a mention of its own
+        if m.start <= n <= m.head or (m.head == n + 1 and finder.tokens[n + 1].text == "one"):
+            # "the second car" and "the last one" are mentions of their own
             yield Claim("count", token.text, (n,), (index,), OrdinalTest(token.text, index))
             return
     starts = [start for start, _ in finder.events]
     if token.has("sequence") and any(s < n for s in starts) and any(s > n for s in starts):
         return
-    if finder.tokens[n + 1 : n + 2] and finder.tokens[n + 1].text in ("one", "ones"):
-        return  # "the last one" of several
     if token.text in ("first", "last", "second") and (
         finder.begins_sentence(n) or finder.tokens[n - 1].kind == "comma"
     ):

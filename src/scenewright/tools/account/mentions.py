@@ -63,6 +63,10 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
         cycles = mention.stop < len(tokens) and tokens[mention.stop].stem in _CYCLES
         if cycles and "pedestrian" in mention.classes:  # "a woman cycling to work"
             mention = replace(mention, classes=frozenset({"cyclist"}))
+        stem = tokens[mention.head].stem
+        for person in (m for m in found if mention.definite and m.nouns):
+            if tokens[person.nouns[0]].stem == stem:  # "a man on a bike ... the man"
+                mention = replace(mention, classes=mention.classes | person.classes)
         if tokens[mention.head].text == "bike" and any("motorcycle" in m.classes for m in found):
             mention = replace(mention, classes=mention.classes | {"motorcycle"})
         alone = mention.pronoun and tokens[n].text == "another"
@@ -127,6 +131,8 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
     none = _find_none_after(tokens, stop)
     stop = none or stop
     count = int(number) if number and number >= 1 else None if plural else 1
+    if number and classes == {"vehicle"} and stop < len(tokens) and tokens[stop].has("event"):
+        classes = frozenset({"any"})  # a "two-vehicle accident" may be of a bicycle and a van
     return Mention(
         head=head,
         start=start,

@@ -62,10 +62,11 @@ class PartyFinder:
         denied = n and self.tokens[n - 1].text in ("without", "while", "not")
         if participle or (denied and not relative):
             return (here[0],)  # what the first one does, or not: "hits a van without braking"
-        if relative or n == stop or (
-            not self._has_break(stop, n)
-            and (not self._is_object(nearest) or self._describes(nearest, n))
-        ):  # fmt: skip
+        done_to = self._is_object(nearest)
+        hides = done_to and self.mentions[nearest].object  # "behind a parked truck enters"
+        if not hides and (relative or n == stop or (
+            not self._has_break(stop, n) and (not done_to or self._describes(nearest, n))
+        )):  # fmt: skip
             return (nearest,)
         # "a bus from the west, from the south a car": another part of the sentence begins here
         ahead = [i for i in fitting if self._opens_part(i, n)] if self._has_break(stop, n) else []
@@ -121,7 +122,9 @@ class PartyFinder:
             return False
         by = any(each.text == "by" for each in self.tokens[stop : stop + 3])
         be = any(each.is_in("be") for each in self.tokens[max(0, start - 3) : start])
-        return by or (be and word.text not in ("stopped", "yielded"))
+        into = any(each.text == "into" for each in self.tokens[start : stop + 1])
+        # who "is pushed into a van" strikes it
+        return by or (be and not into and word.text not in ("stopped", "yielded"))
 
     def _is_in_sentence(self, index: int, n: int) -> bool:
         return self.tokens[self.mentions[index].head].sentence == self.tokens[n].sentence

@@ -139,7 +139,9 @@ def _read_others(finder: PartyFinder, mention: Mention) -> Claim:
         f"{'some' if count is None else count} {kind}",
         tuple(range(start, mention.stop)),
         (),
-        tests.BackgroundTest(mention.classes, count, mention.absent and not mention.background),
+        tests.BackgroundTest(
+            mention.classes, count, mention.absent and not (mention.background or mention.other)
+        ),
     )
 
 

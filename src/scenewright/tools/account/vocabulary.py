@@ -44,7 +44,6 @@ class Token:
         text: the characters, lower case; stem: the word without its ending.
         number, unit: of a figure, or of a number that is spelt out.
         senses: what the word may claim; nouns have `noun.CLASS`.
-        phrase: first and last token (exclusive) of the phrase that gave the senses.
         sentence: number of its sentence; kind: word, figure, clock, end, comma or arrow.
         mended: the known word that a misspelt one was taken for; capital: it begins with one.
         phrase: type of the event, and tokens, of a phrase of a relation file that it belongs to.
@@ -204,8 +203,11 @@ def is_label(tokens: Sequence[Token], n: int) -> bool:
         return True  # "a teacher, 71, ..."
     if n and tokens[n].start - tokens[n - 1].end == 1 and is_label(tokens, n - 1):
         return True  # "claim 77-20941"
-    if n and tokens[n - 1].is_in("numbered") and not (follow is not None and follow.has("noun")):
-        return True
+    several = follow is not None and follow.has("noun") and follow.text.endswith("s")
+    if n and tokens[n - 1].is_in("numbered") and not (several and follow.text != "bus"):
+        return True  # "question 7", "the number 14 bus"
+    if n > 1 and tokens[n - 1].is_in("be") and tokens[n - 2].is_in("pronouns"):
+        return follow is None or follow.kind in ("end", "comma")  # "he is ninety"
     if follow is None or follow.start > tokens[n].end + 1:
         return False
     begins = n == 0 or tokens[n - 1].kind in ("end", "comma")
