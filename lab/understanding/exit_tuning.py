@@ -8,21 +8,19 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.understanding.tuning import FOLDS, flatten_trees
+from lab.understanding.tuning import FOLDS, flatten_trees, save_trees, view_all
 from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.evaluate import load_cases
 from scenewright.evals.understanding.exit_model import NAMES, ExitModel, describe_exits
 from scenewright.evals.understanding.intent import infer_routes
-from scenewright.evals.understanding.observation import hash_scene, observe, to_arrays
+from scenewright.evals.understanding.observation import hash_scene, observe
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
@@ -63,12 +61,12 @@ def view_case(case: SceneCase) -> list[ExitRows]:
     """View all agents of a clip after every window."""
     fold, found = int(hash_scene(case.scene)[:4], 16) % FOLDS, []
     for window in WINDOWS:
-        seen = to_arrays(observe(case.record, scene=case.id, window=window))
+        seen = observe(case.record, scene=case.id, window=window)
         sides, posteriors = list_sides(load_map(seen.intersection)), infer_routes(seen)
         for agent in seen.agents:
-            each = describe_exits(agent, posteriors[agent.id], sides, window)
-            right = np.array(each.sides) == case.labels.exits[agent.id]
-            found.append(ExitRows(fold, agent.type, window, each.values, right))
+            possible, values = describe_exits(agent, posteriors[agent.id], sides, window)
+            right = np.array(possible) == case.labels.exits[agent.id]
+            found.append(ExitRows(fold, agent.type, window, values, right))
     return found
 
 
@@ -95,15 +93,6 @@ def count_unseen(rows: Sequence[ExitRows]) -> Iterator[tuple[str, int, float, fl
         yield kind, len(mine), float(before), float(np.mean(after))
 
 
-def save_exit_model(file: Path, model: ExitModel) -> None:
-    """Write the arrays at half their width, which is exact enough for all of them."""
-    arrays: dict[str, Any] = {
-        key: array.astype(np.float32 if array.dtype.kind == "f" else np.int32)
-        for key, array in vars(model).items()
-    }
-    np.savez_compressed(file, names=np.array(NAMES), **arrays)
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Fit on the folders named and write the model."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -112,9 +101,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=1)
     given = parser.parse_args(argv)
     cases = [case for folder in given.folders for case in load_cases(folder, split="dev")]
-    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
-        rows = [row for found in pool.map(view_case, cases, chunksize=16) for row in found]
-    save_exit_model(given.out, fit_exit_model(rows))
+    rows = list(view_all(view_case, cases, given.workers))
+    save_trees(given.out, fit_exit_model(rows), NAMES)
     for kind, count, before, after in count_unseen(rows):
         print(f"{kind}: n {count}, posterior {100 * before:.1f} %, trees {100 * after:.1f} %")
 

@@ -12,18 +12,20 @@ from __future__ import annotations
 
 import argparse
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import compute_interval, draw_resamples
+from scenewright.evals.understanding.boosted_trees import BoostedTrees
 from scenewright.evals.understanding.calibration import (
     PAIR_CLASSES,
     SIZE,
@@ -39,14 +41,20 @@ from scenewright.evals.understanding.cases import Labels, SceneCase
 from scenewright.evals.understanding.evaluate import load_cases
 from scenewright.evals.understanding.forecast import forecast_scene
 from scenewright.evals.understanding.intent import infer_routes
-from scenewright.evals.understanding.observation import hash_scene, observe, to_arrays
+from scenewright.evals.understanding.observation import hash_scene, observe
 from scenewright.evals.understanding.pair_features import (
     NAMES,
     compute_pair_features,
     mirror_features,
 )
 from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.scoring import DRAWS, KINDS, PAPER, count_scene
+from scenewright.evals.understanding.scoring import (
+    DRAWS,
+    KINDS,
+    PAPER,
+    compute_f1,
+    count_scene,
+)
 from scenewright.scene.base import FloatArray
 
 WINDOWS = (1.0, 2.0, 3.0, 4.0, 5.0)
@@ -80,6 +88,7 @@ _NEVER = -30.0
 """Log odds of a class that is in no scene."""
 
 BoolArray = NDArray[np.bool_]
+_View = TypeVar("_View")
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,26 +139,14 @@ def view_scene(case: SceneCase, *, windows: Sequence[float] = WINDOWS) -> list[T
     """View a clip after every window."""
     found = []
     for window in windows:
-        observed = to_arrays(observe(case.record, scene=case.id, window=window))
+        observed = observe(case.record, scene=case.id, window=window)
         forecast = forecast_scene(observed, infer_routes(observed))
-        rows = compute_pair_features(forecast, window)
-        values = np.array([row.values for row in rows]).reshape(-1, len(NAMES))
+        pairs, values = compute_pair_features(forecast, window)
         found.append(TrainingView(
-            hash_scene(case.scene), case.named, case.labels, window, 1.0,
-            tuple((row.a, row.b) for row in rows), values.astype(np.float32),
+            hash_scene(case.scene), case.named, case.labels, window, 1.0, tuple(pairs),
+            values.astype(np.float32),
         ))  # fmt: skip
     return found
-
-
-def view_scenes(cases: Sequence[SceneCase], *, workers: int = 1) -> Iterator[TrainingView]:
-    """View many scenes, in their order."""
-    if workers == 1:
-        for case in cases:
-            yield from view_scene(case)
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for found in pool.map(view_scene, cases, chunksize=16):
-            yield from found
 
 
 def build_table(views: Iterable[TrainingView]) -> TrainingTable:
@@ -404,7 +401,7 @@ def score_unseen(
 
 def _compute_f1(counts: FloatArray) -> FloatArray:
     """[..., 4] by kind; 0 where there is nothing to find."""
-    return np.asarray(2 * counts[..., 0] / np.maximum(counts @ (2.0, 1.0, 1.0), 1e-9))
+    return np.nan_to_num(compute_f1(counts))
 
 
 def _average(f1: FloatArray) -> FloatArray:
@@ -412,13 +409,24 @@ def _average(f1: FloatArray) -> FloatArray:
     return np.asarray(f1[..., [KINDS.index(kind) for kind in PAPER]].mean(axis=-1))
 
 
-def save_calibration(file: Path, calibration: Calibration) -> None:
+def save_trees(file: Path, trees: BoostedTrees, names: Sequence[str]) -> None:
     """Write the arrays at half their width, which is exact enough for all of them."""
     arrays: dict[str, Any] = {
         key: array.astype(np.float32 if array.dtype.kind == "f" else np.int32)
-        for key, array in vars(calibration).items()
+        for key, array in vars(trees).items()
     }
-    np.savez_compressed(file, names=np.array(NAMES), **arrays)
+    np.savez_compressed(file, names=np.array(names), **arrays)
+
+
+def view_all(
+    view: Callable[[SceneCase], list[_View]], cases: Sequence[SceneCase], workers: int
+) -> Iterator[_View]:
+    """View many clips, in their order."""
+    if workers == 1:
+        yield from chain.from_iterable(map(view, cases))
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from chain.from_iterable(pool.map(view, cases, chunksize=16))
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -433,10 +441,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     split = None if given.split == "all" else given.split
     cases = [case for folder in given.folders for case in load_cases(folder, split=split)]
     scenes = sorted(cases, key=lambda case: case.code)[: given.limit]
-    table = build_table(view_scenes(scenes, workers=given.workers))
+    table = build_table(view_all(view_scene, scenes, given.workers))
     unseen = predict_unseen(table)
     found = fit_calibration(table, unseen)
-    save_calibration(given.out, found)
+    save_trees(given.out, found, NAMES)
     print(f"{len(scenes)} clips, {len(table.views)} views, {len(table.values)} pairs")
     for window, limits in zip(found.windows.tolist(), found.threshold.tolist(), strict=True):
         print(f"{window:g} s: {dict(zip(PAIR_CLASSES[1:], limits[1:], strict=True))}")

@@ -87,7 +87,7 @@ def score_understanding(
         half: Split | None = None if split == "all" else split
         cases = load_cases(Path(folder), split=half, whole=whole, log=log)
         if write_observations is not None:
-            seen = format_jsonl(observe_cases(cases, lengths))
+            seen = format_jsonl(each.to_json() for each in observe_cases(cases, lengths))
             write_atomically(Path(write_observations), seen)
             count = len(cases) * len(lengths)
             log_line(f"{count} observations written to {write_observations}")
@@ -172,7 +172,7 @@ def _write_report(
 ) -> None:
     import json
 
-    from scenewright.evals.understanding.predictions import format_jsonl
+    from scenewright.evals.understanding.predictions import format_predictions
     from scenewright.files import write_atomically
     from scenewright.graph.run import make_folder
 
@@ -180,7 +180,8 @@ def _write_report(
     for each in found:
         if each.predictions:
             name = "".join(c if c.isalnum() else "_" for c in each.method)
-            write_atomically(target / f"predictions_{name}.jsonl", format_jsonl(each.predictions))
+            data = format_predictions(each.predictions)
+            write_atomically(target / f"predictions_{name}.jsonl", data)
     page = json.dumps(result, allow_nan=False, indent=1).encode("utf-8", "backslashreplace")
     write_atomically(target / "report.json", page + b"\n")
     write_atomically(target / "report.md", text.encode("utf-8", "backslashreplace"))

@@ -22,7 +22,7 @@ from scenewright.evals.understanding.clips import (
     read_source,
 )
 from scenewright.evals.understanding.language_model import name_agents
-from scenewright.evals.understanding.observation import observe, to_arrays
+from scenewright.evals.understanding.observation import observe
 from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.evals.understanding.scoring import count_scene
 from scenewright.scene.events import Event
@@ -132,7 +132,7 @@ def test_riders_are_named_and_their_exits_count(source: ClipSource) -> None:
     record = source.case.record.model_copy(
         update={"agents": (agents[0].model_copy(update={"type": "cyclist"}), *agents[1:])}
     )
-    seen = to_arrays(observe(record, scene="x", window=30.0))
+    seen = observe(record, scene="x", window=30.0)
     assert "cyclist-1" in name_agents(seen).values()
     labels = replace(
         source.case.labels, types={"a": "cyclist"}, starts={"a": 0.0}, exits={"a": "north"},

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.understanding.exit_tuning import ExitRows, fit_exit_model, save_exit_model
+from lab.understanding.exit_tuning import ExitRows, fit_exit_model
+from lab.understanding.tuning import save_trees
 from scenewright.errors import InputError
 from scenewright.evals.understanding.exit_model import (
     NAMES,
     describe_exits,
     load_exit_model,
-    weigh_exits,
+    weigh_all_exits,
 )
 from scenewright.evals.understanding.intent import infer_routes
 from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
@@ -37,7 +38,7 @@ def drive_left(way: float) -> ObservedAgent:
 
 def weigh(agent: ObservedAgent) -> dict[str, float]:
     scene = ObservedScene("00ff00ff00ff00ff", PLACE, 4.0, 12, (agent,), ())
-    found = weigh_exits(agent, infer_routes(scene)["0a"], SIDES, window=4.0)
+    found = weigh_all_exits(scene, infer_routes(scene))["0a"]
     return dict(zip(SIDES, found.tolist(), strict=True))
 
 
@@ -51,9 +52,9 @@ def test_an_exit_is_open_before_a_turn_and_certain_in_it() -> None:
 def test_features_have_their_names() -> None:
     agent = drive_left(15.0)
     scene = ObservedScene("00ff00ff00ff00ff", PLACE, 4.0, 12, (agent,), ())
-    found = describe_exits(agent, infer_routes(scene)["0a"], SIDES, 4.0)
-    assert found.values.shape == (len(found.sides), len(NAMES))
-    row = dict(zip(NAMES, found.values[found.sides.index("east")].tolist(), strict=True))
+    sides, values = describe_exits(agent, infer_routes(scene)["0a"], SIDES, 4.0)
+    assert values.shape == (len(sides), len(NAMES))
+    row = dict(zip(NAMES, values[sides.index("east")].tolist(), strict=True))
     assert (row["left"], row["speed"], row["length"]) == (1.0, 7.0, 4.6)
     assert row["log_chance"] <= 0.0 >= row["behind"]
     assert row["window"] == 4.0
@@ -66,7 +67,7 @@ def test_trees_are_those_that_were_fitted_and_written(tmp_path: Path) -> None:
         values = rng.standard_normal((3, len(NAMES)))
         rows.append(ExitRows(0, "vehicle", 4.0, values, values[:, 0] == values[:, 0].max()))
     fitted = fit_exit_model(rows)
-    save_exit_model(tmp_path / "exits.npz", fitted)
+    save_trees(tmp_path / "exits.npz", fitted, NAMES)
     kept = load_exit_model(tmp_path / "exits.npz")
     apart = [np.abs(kept.weigh(e.values) - fitted.weigh(e.values)).max() for e in rows[:50]]
     assert np.median(apart) < 1e-3  # written at half the width, a limit may lie beside a value

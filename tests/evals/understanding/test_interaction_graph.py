@@ -88,9 +88,9 @@ def test_beliefs_of_a_pair_leave_out_their_own_messages(forecast: SceneForecast)
 
 
 def test_features_describe_the_likeliest_conflict_of_a_pair(forecast: SceneForecast) -> None:
-    (pair,) = compute_pair_features(forecast, window=4.0)
-    features = dict(zip(NAMES, pair.values.tolist(), strict=True))
-    assert (pair.a, pair.b) == ("a", "b")
+    pairs, (values,) = compute_pair_features(forecast, window=4.0)
+    features = dict(zip(NAMES, values.tolist(), strict=True))
+    assert pairs == [("a", "b")]
     assert features["best"] == 1.0
     assert features["best_share"] == pytest.approx(0.5)
     assert features["within_1"] == pytest.approx(0.5)
@@ -100,6 +100,6 @@ def test_features_describe_the_likeliest_conflict_of_a_pair(forecast: SceneForec
     assert features["own_b"] == pytest.approx(1.0)
     assert features["zone_a"] == pytest.approx(30.0 - (4.6 + 1.85) / 2, abs=1.0)
     assert features["offset"] < 0.2
-    back = dict(zip(NAMES, mirror_features(pair.values).tolist(), strict=True))
+    back = dict(zip(NAMES, mirror_features(values).tolist(), strict=True))
     assert back["own_b"] == features["own_a"]
     assert back["best"] == features["best"]

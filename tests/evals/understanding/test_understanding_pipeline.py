@@ -12,29 +12,26 @@ import pytest
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError
 from scenewright.evals.understanding.cases import SceneCase
-from scenewright.evals.understanding.language_model import TASK, name_agents, require_language_model
-from scenewright.evals.understanding.observation import ObservationRow, observe
+from scenewright.evals.understanding.language_model import TASK, name_agents
+from scenewright.evals.understanding.observation import ObservedScene, observe
 from scenewright.evals.understanding.pipeline import (
     ATTEMPTS,
     METHODS,
-    MethodSettings,
+    apply_rules,
+    ask_agent,
     find_method,
-    understand,
+    reason,
 )
+from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.evals.understanding.rule_baseline import predict_constant_velocity
 from scripted import build_scripted_backend
 
 
-def asking(*replies: Any) -> tuple[MethodSettings, Any]:
+def ask(row: ObservedScene, *replies: Any) -> tuple[ScenePrediction, list[Any]]:
+    """What is predicted after these replies of the model, and what it was asked."""
     backend = build_scripted_backend({TASK: list(replies)})
-    settings = MethodSettings(
-        "posterior",
-        "language_model",
-        predict_constant_velocity,
-        "constant velocity",
-        backend=backend,
-    )
-    return settings, backend
+    said = ask_agent(row, backend, predict_constant_velocity, "constant velocity")
+    return said, backend.text_model.asked
 
 
 def all_north(question: Question, *relations: tuple[str, str, str]) -> dict[str, Any]:
@@ -45,39 +42,36 @@ def all_north(question: Question, *relations: tuple[str, str, str]) -> dict[str,
 
 
 @pytest.fixture
-def row(cases: dict[str, SceneCase]) -> ObservationRow:
+def row(cases: dict[str, SceneCase]) -> ObservedScene:
     """A car and the pedestrian whom it will hit, both in sight."""
     record = cases["struck"].record
     begun = max(agent.spawn_time for agent in record.agents[:2])
     return observe(record, scene="struck", window=math.ceil(begun) + 2.0)
 
 
-def test_the_answer_is_converted_to_ids(row: ObservationRow) -> None:
+def test_the_answer_is_converted_to_ids(row: ObservedScene) -> None:
     def reply(question: Question) -> dict[str, Any]:
         one, two = question.facts["agents"][:2]
         return all_north(question, ("yielding", two, one))
 
-    settings, backend = asking(reply)
-    said = understand(row, settings)
+    said, asked = ask(row, reply)
     codes = [agent.id for agent in row.agents]
     assert said.exits == dict.fromkeys(codes, "north")
-    names = dict(zip(backend.text_model.asked[0][0].facts["agents"], codes, strict=True))
+    names = dict(zip(asked[0][0].facts["agents"], codes, strict=True))
     (found,) = said.relations or ()
     one, two = list(names)[:2]
     assert found.key == ("yielding", names[two], names[one])
 
 
-def test_the_prompt_holds_entrances_and_findings_and_no_coordinates(row: ObservationRow) -> None:
-    settings, backend = asking(all_north)
-    understand(row, settings)
-    _, prompt = backend.text_model.asked[0]
+def test_the_prompt_holds_entrances_and_findings_and_no_coordinates(row: ObservedScene) -> None:
+    _, ((_, prompt),) = ask(row, all_north)
     assert "first seen" in prompt.user
     assert "Rule checker on the tracks that constant velocity predicts" in prompt.user
     assert "north crosswalk" in prompt.user
     assert "statistical model: leaves" in prompt.user
     for agent in row.agents:
         assert agent.id not in prompt.user
-        for x, y in agent.trajectory:
+        for x, y in agent.xy.tolist():
             for number in (f"{x:.2f}", f"{y:.2f}", f"{x:.1f}", f"{y:.1f}"):
                 assert number.lstrip("-") not in re.findall(r"\d+\.\d+", prompt.user)
     schema = json.dumps(prompt.schema)
@@ -85,43 +79,36 @@ def test_the_prompt_holds_entrances_and_findings_and_no_coordinates(row: Observa
     assert "vehicle-99" not in schema
 
 
-def test_names_that_do_not_exist_go_back_with_the_reason(row: ObservationRow) -> None:
-    settings, backend = asking(
+def test_names_that_do_not_exist_go_back_with_the_reason(row: ObservedScene) -> None:
+    said, asked = ask(
+        row,
         lambda question: all_north(question, ("collision", "vehicle-99", "vehicle-1")),
         lambda question: all_north(question, ("collision", "vehicle-1", "vehicle-1")),
         all_north,
     )
-    said = understand(row, settings)
     assert said.relations == ()
-    users = [prompt.user for _, prompt in backend.text_model.asked]
+    users = [prompt.user for _, prompt in asked]
     assert "refused" not in users[0]
     assert "vehicle-99" in users[1]
     assert "with itself" in users[2]
 
 
 def test_after_all_attempts_model_and_checker_answer(
-    row: ObservationRow,
+    row: ObservedScene,
 ) -> None:
-    settings, backend = asking(*["I do not know"] * ATTEMPTS)
-    said = understand(row, settings)
-    assert len(backend.text_model.asked) == ATTEMPTS
-    alone = understand(
-        row, MethodSettings("posterior", "rules", predict_constant_velocity, "constant velocity")
-    )
-    assert (said.exits, said.relations) == (alone.exits, alone.relations)
+    said, asked = ask(row, *["I do not know"] * ATTEMPTS)
+    assert len(asked) == ATTEMPTS
+    by_rules = apply_rules(row, predict_constant_velocity)
+    assert (said.exits, said.relations) == (reason(row).exits, by_rules.relations)
 
 
-def test_a_backend_that_fails_for_good_raises(row: ObservationRow) -> None:
-    settings, _ = asking()
+def test_a_backend_that_fails_for_good_raises(row: ObservedScene) -> None:
     with pytest.raises(BackendFault):
-        understand(row, settings)
+        ask(row)
 
 
 def test_names_are_numbered_by_code(cases: dict[str, SceneCase]) -> None:
-    from scenewright.evals.understanding.observation import to_arrays
-
-    seen = to_arrays(observe(cases["plain"].record, scene="plain", window=5.0))
-    names = name_agents(seen)
+    names = name_agents(observe(cases["plain"].record, scene="plain", window=5.0))
     assert list(names) == sorted(names)
     assert len(set(names.values())) == len(names)
 
@@ -131,7 +118,7 @@ def test_methods_that_lack_something_say_what() -> None:
     with pytest.raises(InputError, match="needs --backend"):
         find_method("agent", intersection=place)
     with pytest.raises(InputError, match="which builtin is not"):
-        require_language_model(load_backend("builtin"))
+        find_method("agent", intersection=place, backend=load_backend("builtin"))
     with pytest.raises(InputError, match="one of: gmm"):
         find_method("gpt", intersection=place)
     for name in set(METHODS) - {"agent", "trajnet"}:

@@ -44,7 +44,7 @@ def test_thresholds_are_interpolated_between_windows() -> None:
 
 def test_a_calibration_is_saved_and_loaded(tmp_path: Path) -> None:
     trees, values = load_calibration(), np.random.default_rng(1).uniform(0, 1, (20, len(NAMES)))
-    tuning.save_calibration(tmp_path / "mine.npz", trees)
+    tuning.save_trees(tmp_path / "mine.npz", trees, NAMES)
     again = load_calibration(tmp_path / "mine.npz")
     assert again.predict_pairs(values) == pytest.approx(trees.predict_pairs(values), abs=1e-5)
 

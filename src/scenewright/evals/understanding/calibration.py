@@ -160,11 +160,10 @@ def predict_relations(forecast: SceneForecast, *, window: float) -> tuple[PairRe
     Args:
         window: length of the observation [s].
     """
-    trees, features = load_calibration(), compute_pair_features(forecast, window)
-    if not features:
+    trees, (pairs, values) = load_calibration(), compute_pair_features(forecast, window)
+    if not pairs:
         return ()
-    pairs = [(each.a, each.b) for each in features]
-    likely = trees.predict_scene(np.array([each.values for each in features]), pairs)
+    likely = trees.predict_scene(values, pairs)
     selected = select_relations(likely, trees.interpolate_thresholds(window), pairs)
     return tuple(to_relation(*pairs[n], PAIR_CLASSES[c]) for n, c in selected)
 

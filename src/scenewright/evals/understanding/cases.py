@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field
 
 from scenewright.errors import InputError
 from scenewright.evals.understanding.observation import hash_agents, hash_scene
@@ -102,13 +104,14 @@ class PairRelation:
     """An event between two agents, by hashed id; of a yielding, `from_` gives way.
 
     Attributes:
-        time: of the event [s]; None in predictions.
+        time: of the event [s]; None in predictions, where it is not scored.
     """
 
-    type: str
-    from_: str
-    to: str
-    time: float | None = None
+    type: Annotated[str, Field(pattern=f"^({'|'.join(RELATIONS)})$")]
+    from_: Annotated[str, Field(alias="from", max_length=64)]
+    to: Annotated[str, Field(max_length=64)]
+    time: Annotated[float | None, Field(exclude=True)] = None
+    __pydantic_config__ = ConfigDict(extra="forbid")
 
     @property
     def key(self) -> tuple[str, str, str]:

@@ -22,13 +22,12 @@ from scenewright.evals.understanding.cases import (
     read_case,
 )
 from scenewright.evals.understanding.clips import cut_clips, read_source
-from scenewright.evals.understanding.observation import WINDOWS, ObservationRow, observe
+from scenewright.evals.understanding.observation import WINDOWS, ObservedScene, observe
 from scenewright.evals.understanding.pipeline import find_method
 from scenewright.evals.understanding.predictions import (
-    PredictionRow,
     ScenePrediction,
+    SceneWindow,
     read_predictions,
-    to_row,
 )
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.evals.understanding.scoring import (
@@ -51,13 +50,13 @@ class MethodScores:
 
     Attributes:
         method: its name, or the file's; predictor: whose tracks the rule checker saw, if it did.
-        rows: one per window; predictions: in the order of scenes and windows, none of a file.
+        rows: one per window; predictions: those that the method made; none of a file.
     """
 
     method: str
     predictor: str | None
     rows: tuple[WindowScores, ...]
-    predictions: tuple[PredictionRow, ...]
+    predictions: Mapping[SceneWindow, ScenePrediction]
 
     def to_json(self) -> dict[str, Any]:
         """Convert to plain JSON, without the predictions."""
@@ -108,7 +107,7 @@ def load_cases(
 
 def observe_cases(
     cases: Sequence[SceneCase], windows: Sequence[float] = WINDOWS
-) -> Iterator[ObservationRow]:
+) -> Iterator[ObservedScene]:
     """Observe scene by scene and window by window."""
     for case in cases:
         for window in windows:
@@ -135,41 +134,38 @@ def evaluate(
     """
     place = cases[0].record.meta.intersection
     if method.endswith((".jsonl", ".json")) or "/" in method:
-        file, sides = Path(method), list_sides(load_map(place))
-        observed = {(row.scene, row.window): row for row in observe_cases(cases, windows)}
-        read = read_predictions(file, observed, sides=sides)
-        scores = tuple(
-            _score_window(window, [(case, read[case.code, window]) for case in cases], [])
-            for window in sorted({window for _, window in read})
-        )
-        return MethodScores(file.name, None, scores, ())
+        observed = {(seen.scene, seen.now): seen for seen in observe_cases(cases, windows)}
+        read = read_predictions(Path(method), observed, sides=list_sides(load_map(place)))
+        return MethodScores(Path(method).name, None, _score_windows(cases, read, {}), {})
     found = find_method(method, intersection=place, backend=backend)
-    rows: list[PredictionRow] = []
-    said: dict[float, list[tuple[SceneCase, ScenePrediction]]] = {each: [] for each in windows}
+    said: dict[SceneWindow, ScenePrediction] = {}
     seconds: dict[float, list[float]] = {each: [] for each in windows}
     for n, case in enumerate(cases, start=1):
-        for window in windows:
-            row = observe(case.record, scene=case.id, window=window)
-            if n == 1:
-                found.predict(row, case)  # loads what is loaded once, outside of the run time
+        for seen in observe_cases([case], windows):
+            if not said:
+                found.predict(seen, case)  # loads what is loaded once, outside of the run time
             before = perf_counter()
-            prediction = found.predict(row, case)
-            seconds[window].append(perf_counter() - before)
-            said[window].append((case, prediction))
-            rows.append(to_row(row, prediction))
+            said[seen.scene, seen.now] = found.predict(seen, case)
+            seconds[seen.now].append(perf_counter() - before)
         if n % 10 == 0:
             log(f"{found.name}: scene {n} of {len(cases)}")
-    scores = tuple(_score_window(each, said[each], seconds[each]) for each in windows)
-    return MethodScores(found.name, found.predictor, scores, tuple(rows))
+    return MethodScores(found.name, found.predictor, _score_windows(cases, said, seconds), said)
 
 
-def _score_window(
-    window: float,
-    predictions: Sequence[tuple[SceneCase, ScenePrediction]],
-    seconds: Sequence[float],
-) -> WindowScores:
-    counts = [count_scene(case.labels, each, window=window) for case, each in predictions]
-    return summarise(counts, window=window, seconds=median(seconds) if seconds else None)
+def _score_windows(
+    cases: Sequence[SceneCase],
+    predictions: Mapping[SceneWindow, ScenePrediction],
+    seconds: Mapping[float, Sequence[float]],
+) -> tuple[WindowScores, ...]:
+    """Score every window that is predicted; `seconds` by window if they were measured."""
+    return tuple(
+        summarise(
+            [count_scene(c.labels, predictions[c.code, window], window=window) for c in cases],
+            window=window,
+            seconds=median(seconds[window]) if seconds else None,
+        )
+        for window in sorted({window for _, window in predictions})
+    )
 
 
 _PAPER = """The paper's Table 3 (its window is not stated, its scenes are others): exits, GMM 0.39

@@ -7,8 +7,7 @@ scenes of development (`exit_tuning`). They are shipped as plain arrays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import get_args
@@ -18,7 +17,9 @@ from scipy.special import expit
 
 from scenewright.evals.understanding.boosted_trees import BoostedTrees
 from scenewright.evals.understanding.intent import RoutePosterior
-from scenewright.evals.understanding.observation import ObservedAgent
+from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
+from scenewright.evals.understanding.route_components import list_sides
+from scenewright.intersections import load_map
 from scenewright.scene.base import AgentClass, FloatArray
 
 _SHIPPED = Path(__file__).with_name("exits.npz")
@@ -43,14 +44,6 @@ _FAR = 99.0
 _AHEAD = (5.0, 12.0, 20.0)
 
 
-@dataclass(frozen=True, eq=False)
-class ExitCandidates:
-    """The possible exits of an agent: their sides, and their features [N, F] as in `NAMES`."""
-
-    sides: tuple[str, ...]
-    values: FloatArray
-
-
 class ExitModel(BoostedTrees):
     """The trees, of which `start` has one entry."""
 
@@ -62,8 +55,8 @@ class ExitModel(BoostedTrees):
 
 def describe_exits(
     agent: ObservedAgent, posterior: RoutePosterior, sides: Sequence[str], window: float
-) -> ExitCandidates:
-    """Describe the exits that the track so far does not rule out.
+) -> tuple[list[str], FloatArray]:
+    """Describe the exits that the track so far does not rule out: sides and features [N, F].
 
     Args:
         sides: of the map; window: length of the observation [s].
@@ -96,17 +89,19 @@ def describe_exits(
         float(lead[0] - lead[1]) if len(lead) > 1 else -np.log(_LEAST), float(len(found)), window,
     ]  # fmt: skip
     values = np.column_stack([log, log - log.max(), np.array(rows), np.tile(own, (len(rows), 1))])
-    return ExitCandidates(tuple(sides[e] for e in found.tolist()), values)
+    return [sides[e] for e in found.tolist()], values
 
 
-def weigh_exits(
-    agent: ObservedAgent, posterior: RoutePosterior, sides: Sequence[str], *, window: float
-) -> FloatArray:
-    """[E] probability of every side of the map."""
-    candidates = describe_exits(agent, posterior, sides, window)
-    weights = load_exit_model().weigh(candidates.values).tolist()
-    found = dict(zip(candidates.sides, weights, strict=True))
-    return np.array([found.get(side, 0.0) for side in sides])
+def weigh_all_exits(
+    observation: ObservedScene, posteriors: Mapping[str, RoutePosterior]
+) -> dict[str, FloatArray]:
+    """[E] probability of every side of the map, by agent; posteriors are by agent, too."""
+    sides, found = list_sides(load_map(observation.intersection)), {}
+    for agent in observation.agents:
+        possible, values = describe_exits(agent, posteriors[agent.id], sides, observation.now)
+        chances = dict(zip(possible, load_exit_model().weigh(values).tolist(), strict=True))
+        found[agent.id] = np.array([chances.get(side, 0.0) for side in sides])
+    return found
 
 
 @lru_cache(maxsize=2)

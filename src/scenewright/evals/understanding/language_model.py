@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from scenewright.backends import Backend, Prompt, Question, Task
-from scenewright.errors import InputError
 from scenewright.evals.understanding.cases import PairRelation
 from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
@@ -89,20 +88,6 @@ def ask_about_scene(
     relations = [PairRelation(r.type, ids[r.from_], ids[r.to]) for r in reply.relations]
     distinct = tuple({each.key: each for each in relations}.values())
     return {ids[name]: str(getattr(reply.exits, name)) for name in names}, distinct
-
-
-def require_language_model(backend: Backend) -> Backend:
-    """Return the backend unless it is the builtin planner, which cannot read scenes.
-
-    Raises:
-        InputError: it is.
-    """
-    if backend.name == "builtin":
-        raise InputError(
-            "the method agent asks a language model, which builtin is not; name one with "
-            "--backend, such as openai:MODEL"
-        )
-    return backend
 
 
 _SUBTYPES = ((3.0, "motorcycle"), (6.5, "car"), (10.0, "truck"), (99.0, "bus"))

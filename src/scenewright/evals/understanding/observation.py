@@ -9,13 +9,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from scenewright.errors import InputError
-from scenewright.scene.base import AgentClass, Colour, FloatArray, Model, Point, frozen
-from scenewright.scene.record import SceneRecord
+from scenewright.scene.base import AgentClass, FloatArray, frozen
+from scenewright.scene.record import SceneRecord, SignalRecord
 from scenewright.scene.track import STEP
 
 WINDOWS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
@@ -23,56 +23,14 @@ WINDOWS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
 _SALT = "scenewright-understanding-1"
 
 
-class AgentRow(Model):
-    """One agent as observed so far.
-
-    Attributes:
-        id: a hash.
-        start: when it was first seen [s]; trajectory, heading: [m], [rad], every 0.1 s.
-        left: it is no longer there.
-    """
-
-    id: str = Field(max_length=32)
-    type: AgentClass
-    start: float
-    trajectory: tuple[Point, ...]
-    heading: tuple[float, ...]
-    length: float
-    width: float
-    left: bool
-
-
-class LightRow(Model):
-    """An interval [s] during which a signal was seen in one colour."""
-
-    stop_line: str | None = None
-    crosswalk: str | None = None
-    start: float
-    end: float
-    colour: Colour
-
-
-class ObservationRow(Model):
-    """An observation as a row of a file.
-
-    Attributes:
-        scene: hash of the scene's id; window: length of the observation [s]; hour: of the day.
-    """
-
-    scene: str
-    window: float
-    intersection: str
-    hour: int
-    agents: tuple[AgentRow, ...]
-    lights: tuple[LightRow, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class ObservedAgent:
-    """An `AgentRow` as arrays.
+    """One agent as observed so far, every 0.1 s.
 
     Attributes:
-        xy: [T, 2] [m]; heading: [T] [rad]; speed: [T] [m/s]; moved: [T] distance so far [m].
+        id: a hash; start: when it was first seen [s]; left: it is no longer there.
+        xy: [T, 2] [m]; heading: [T] [rad]; speed: [T] mean of the steps on both sides [m/s];
+            moved: [T] distance so far [m].
     """
 
     id: str
@@ -105,10 +63,11 @@ class ObservedAgent:
 
 @dataclass(frozen=True, eq=False)
 class ObservedScene:
-    """An `ObservationRow` as arrays.
+    """A scene as observed so far.
 
     Attributes:
-        now: end of the window [s]; agents: in the order of their ids.
+        scene: hash of the scene's id; now: end of the window [s]; hour: of the day.
+        agents: in the order of their ids; lights: cut at the window's end.
     """
 
     scene: str
@@ -116,12 +75,28 @@ class ObservedScene:
     now: float
     hour: int
     agents: tuple[ObservedAgent, ...]
-    lights: tuple[LightRow, ...]
+    lights: tuple[SignalRecord, ...]
 
     @property
     def ids(self) -> tuple[str, ...]:
         """Ids of the agents, in order."""
         return tuple(agent.id for agent in self.agents)
+
+    def to_json(self) -> dict[str, Any]:
+        """Convert to a row of a file, as docs/understanding.md has it."""
+        agents = [
+            {
+                "id": each.id, "type": each.type, "start": each.start,
+                "trajectory": each.xy.tolist(), "heading": each.heading.tolist(),
+                "length": each.length, "width": each.width, "left": each.left,
+            }
+            for each in self.agents
+        ]  # fmt: skip
+        lights = [each.model_dump(mode="json") for each in self.lights]
+        return {
+            "scene": self.scene, "window": self.now, "intersection": self.intersection,
+            "hour": self.hour, "agents": agents, "lights": lights,
+        }  # fmt: skip
 
 
 def hash_scene(scene: str) -> str:
@@ -143,7 +118,7 @@ def hash_agents(scene: str, ids: Iterable[int]) -> dict[int, str]:
     return codes
 
 
-def observe(record: SceneRecord, *, scene: str, window: float) -> ObservationRow:
+def observe(record: SceneRecord, *, scene: str, window: float) -> ObservedScene:
     """Cut a scene to what is seen in its first `window` seconds.
 
     Args:
@@ -160,43 +135,28 @@ def observe(record: SceneRecord, *, scene: str, window: float) -> ObservationRow
     agents = []
     for agent in record.agents:
         count = int(np.floor((window - agent.spawn_time) / STEP + 1e-6)) + 1
-        if count >= 1:
-            agents.append(AgentRow(
-                id=codes[agent.id], type=agent.type, start=agent.spawn_time,
-                trajectory=agent.trajectory[:count], heading=agent.heading[:count],
-                length=agent.length, width=agent.width, left=count > len(agent.trajectory),
-            ))  # fmt: skip
-    lights = [
-        LightRow(
-            stop_line=each.stop_line, crosswalk=each.crosswalk, start=each.start,
-            end=min(each.end, window), colour=each.colour,
-        )
-        for each in record.signals
-        if each.start < window
-    ]  # fmt: skip
-    return ObservationRow(
-        scene=hash_scene(scene),
-        window=window,
-        intersection=record.meta.intersection,
-        hour=int(record.meta.timestamp // 3600) % 24,
-        agents=tuple(sorted(agents, key=lambda agent: agent.id)),
-        lights=tuple(sorted(lights, key=lambda x: (x.stop_line or x.crosswalk or "", x.start))),
-    )
-
-
-def to_arrays(row: ObservationRow) -> ObservedScene:
-    """Convert a row to arrays; a speed is the mean of the steps on both sides."""
-    agents = []
-    for agent in row.agents:
-        xy = frozen(np.array(agent.trajectory, dtype=np.float64).reshape(-1, 2))
+        if count < 1:
+            continue
+        xy = frozen(np.array(agent.trajectory[:count], dtype=np.float64).reshape(-1, 2))
         steps = np.hypot(*np.diff(xy, axis=0).T)
         padded = np.concatenate([steps[:1], steps, steps[-1:]]) / STEP
         speed = (padded[1:] + padded[:-1]) / 2 if len(steps) else np.zeros(1)
+        heading = frozen(np.unwrap(np.array(agent.heading[:count], dtype=np.float64)))
         agents.append(ObservedAgent(
-            agent.id, agent.type, agent.start, xy,
-            frozen(np.unwrap(np.array(agent.heading, dtype=np.float64))), speed,
-            np.concatenate([[0.0], np.cumsum(steps)]), agent.length, agent.width, agent.left,
+            codes[agent.id], agent.type, agent.spawn_time, xy, heading, speed,
+            np.concatenate([[0.0], np.cumsum(steps)]), agent.length, agent.width,
+            left=count > len(agent.trajectory),
         ))  # fmt: skip
+    lights = [
+        each.model_copy(update={"end": min(each.end, window)})
+        for each in record.signals
+        if each.start < window
+    ]
     return ObservedScene(
-        row.scene, row.intersection, row.window, row.hour, tuple(agents), row.lights
+        hash_scene(scene),
+        record.meta.intersection,
+        float(window),
+        int(record.meta.timestamp // 3600) % 24,
+        tuple(sorted(agents, key=lambda agent: agent.id)),
+        tuple(sorted(lights, key=lambda x: (x.stop_line or x.crosswalk or "", x.start))),
     )

@@ -64,15 +64,6 @@ _SLACK, _BRAKES = 0.3, 2.5
 
 
 @dataclass(frozen=True, eq=False)
-class PairFeatures:
-    """Two agents that may interact: their ids and their features, [F] as in `NAMES`."""
-
-    a: str
-    b: str
-    values: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class _Conflict:
     """The pair of maneuvers in which two agents conflict most, and when and where."""
 
@@ -119,8 +110,10 @@ class _SceneFeatures:
     agents: Sequence[_AgentFeatures]
 
 
-def compute_pair_features(forecast: SceneForecast, window: float) -> list[PairFeatures]:
-    """Describe every pair with a vehicle in it whose futures come near one another."""
+def compute_pair_features(
+    forecast: SceneForecast, window: float
+) -> tuple[list[tuple[str, str]], FloatArray]:
+    """Describe every pair with a vehicle in it whose futures come near: ids, and [N, F] `NAMES`."""
     graph = build_interaction_graph(forecast)
     pairs = sorted({(min(pair), max(pair)) for pair in (*graph.gaps, *graph.unslowed_gaps)})
     worst = {pair: _find_conflict(forecast, graph, pair, within=0.3) for pair in pairs}
@@ -135,7 +128,8 @@ def compute_pair_features(forecast: SceneForecast, window: float) -> list[PairFe
     }
     agents = [_describe_alone(forecast, n) for n in range(len(forecast.agents))]
     scene = _SceneFeatures(forecast, graph, window, worst, busy, cause, agents)
-    return [_describe_pair(scene, pair) for pair in pairs]
+    values = np.array([_describe_pair(scene, pair) for pair in pairs]).reshape(-1, len(NAMES))
+    return [(forecast.agents[i].id, forecast.agents[j].id) for i, j in pairs], values
 
 
 def mirror_features(values: FloatArray) -> FloatArray:
@@ -144,7 +138,7 @@ def mirror_features(values: FloatArray) -> FloatArray:
     return np.concatenate([values[..., :n], values[..., n + m :], values[..., n : n + m]], axis=-1)
 
 
-def _describe_pair(scene: _SceneFeatures, pair: AgentPair) -> PairFeatures:
+def _describe_pair(scene: _SceneFeatures, pair: AgentPair) -> list[float]:
     forecast, graph, (i, j) = scene.forecast, scene.graph, pair
     weight, worst = _weigh_jointly(graph, pair), scene.worst[pair]
     wide = _find_conflict(forecast, graph, pair, within=CLOSE)
@@ -165,8 +159,7 @@ def _describe_pair(scene: _SceneFeatures, pair: AgentPair) -> PairFeatures:
         _describe_agent(scene, pair, which, sign * gap, weight, worst, wide)
         for which, sign in ((0, 1), (1, -1))
     )
-    values = np.array([*both, *shared, *a, *in_zone[0], *b, *in_zone[1]])
-    return PairFeatures(forecast.agents[i].id, forecast.agents[j].id, values)
+    return [*both, *shared, *a, *in_zone[0], *b, *in_zone[1]]
 
 
 def _describe_alone(forecast: SceneForecast, n: int) -> _AgentFeatures:

@@ -4,29 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, NamedTuple
 
 from pydantic import Field, ValidationError
 
 from scenewright.errors import InputError
 from scenewright.evals.understanding.cases import PairRelation
-from scenewright.evals.understanding.observation import ObservationRow
+from scenewright.evals.understanding.observation import ObservedScene
 from scenewright.scene.base import Model
 
 MOST_BYTES = 512_000_000
 _LONGEST = 200
 SceneWindow = tuple[str, float]
 """Hash of the scene, window [s]."""
-
-
-class RelationRow(Model):
-    """A predicted relation; of a yielding, `from` gives way."""
-
-    type: Literal["collision", "yielding", "near_miss"]
-    from_: str = Field(alias="from", max_length=64)
-    to: str = Field(max_length=64)
 
 
 class PredictionRow(Model):
@@ -40,35 +31,18 @@ class PredictionRow(Model):
     scene: str = Field(max_length=64)
     window: float
     exits: dict[str, str] | None = None
-    relations: tuple[RelationRow, ...] | None = None
+    relations: tuple[PairRelation, ...] | None = None
 
 
-@dataclass(frozen=True)
-class ScenePrediction:
-    """A checked prediction.
-
-    Attributes:
-        exits, relations: as in `PredictionRow`.
-    """
+class ScenePrediction(NamedTuple):
+    """A prediction for one scene: `exits` and `relations` of a `PredictionRow`."""
 
     exits: Mapping[str, str] | None
     relations: tuple[PairRelation, ...] | None
 
 
-def to_row(observation: ObservationRow, prediction: ScenePrediction) -> PredictionRow:
-    """Convert a prediction to a row."""
-    relations = prediction.relations
-    return PredictionRow.model_validate({
-        "scene": observation.scene,
-        "window": observation.window,
-        "exits": prediction.exits,
-        "relations": relations
-        and [{"type": r.type, "from": r.from_, "to": r.to} for r in relations],
-    })  # fmt: skip
-
-
 def read_predictions(
-    file: Path, observations: Mapping[SceneWindow, ObservationRow], *, sides: tuple[str, ...]
+    file: Path, observations: Mapping[SceneWindow, ObservedScene], *, sides: tuple[str, ...]
 ) -> dict[SceneWindow, ScenePrediction]:
     """Read predictions by scene and window, complete for every window in the file.
 
@@ -114,25 +88,22 @@ def _parse_row(line: bytes, where: str) -> PredictionRow:
 
 
 def _check_row(
-    row: PredictionRow, observation: ObservationRow, sides: tuple[str, ...], where: str
+    row: PredictionRow, observation: ObservedScene, sides: tuple[str, ...], where: str
 ) -> ScenePrediction:
     """The row's prediction, if it speaks of agents and sides that exist."""
-    ids, relations = {agent.id for agent in observation.agents}, row.relations
-    for agent in (*(row.exits or ()), *(a for r in relations or () for a in (r.from_, r.to))):
-        if agent not in ids:
+    relations = row.relations or ()
+    for agent in (*(row.exits or ()), *(a for r in relations for a in (r.from_, r.to))):
+        if agent not in observation.ids:
             raise InputError(f"{where}: no agent {_shorten(agent)} was seen in that scene by then")
     for side in (row.exits or {}).values():
         if side not in sides:
             raise InputError(f"{where}: exit {_shorten(side)} is none of {', '.join(sides)}")
-    for each in relations or ():
+    for each in relations:
         if each.from_ == each.to:
             raise InputError(f"{where}: {each.type} of {each.from_} with itself")
-    if relations is None:
-        return ScenePrediction(row.exits, None)
-    pairs = tuple(PairRelation(r.type, r.from_, r.to) for r in relations)
-    if len({r.key for r in pairs}) < len(pairs):
+    if len({r.key for r in relations}) < len(relations):
         raise InputError(f"{where}: one relation twice")
-    return ScenePrediction(row.exits, pairs)
+    return ScenePrediction(row.exits, row.relations)
 
 
 def _shorten(text: str) -> str:
@@ -142,7 +113,7 @@ def _shorten(text: str) -> str:
 def _check_complete(
     file: Path,
     found: Mapping[SceneWindow, ScenePrediction],
-    observations: Mapping[SceneWindow, ObservationRow],
+    observations: Mapping[SceneWindow, ObservedScene],
 ) -> None:
     windows = sorted({window for _, window in found})
     missing = [key for key in observations if key[1] in windows and key not in found]
@@ -161,15 +132,18 @@ def _check_complete(
                 )
 
 
-def format_jsonl(rows: Iterable[ObservationRow | PredictionRow]) -> bytes:
-    """Format rows as lines of JSON; the parts that a prediction leaves out are not in its line."""
-    lines = (
-        json.dumps(
-            row.model_dump(
-                mode="json", by_alias=True, exclude_none=isinstance(row, PredictionRow)
-            ),
-            ensure_ascii=False, separators=(",", ":"),
-        )
-        for row in rows
-    )  # fmt: skip
-    return "".join(line + "\n" for line in lines).encode("utf-8", "backslashreplace")
+def format_predictions(predictions: Mapping[SceneWindow, ScenePrediction]) -> bytes:
+    """Format predictions as lines of JSON, without the parts that they leave out."""
+    rows = (
+        PredictionRow(scene=scene, window=window, **said._asdict())
+        for (scene, window), said in predictions.items()
+    )
+    return format_jsonl(
+        row.model_dump(mode="json", by_alias=True, exclude_none=True) for row in rows
+    )
+
+
+def format_jsonl(rows: Iterable[Mapping[str, Any]]) -> bytes:
+    """Format rows as lines of JSON."""
+    lines = (json.dumps(row, ensure_ascii=False, separators=(",", ":")) + "\n" for row in rows)
+    return "".join(lines).encode("utf-8", "backslashreplace")

@@ -18,7 +18,6 @@ from scenewright.geometry.polyline import interpolate_points
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event
-from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP, Shape, Track
 from scenewright.tools.relation_checker import RoadUser, find_events
 from scenewright.tools.track_io.external_tracks import compute_headings
@@ -111,9 +110,11 @@ def check_predicted_tracks(
         later = later + turns if moves else np.full(len(later), agent.heading[-1])
         track = Track(xy, np.concatenate([agent.heading, later]), agent.start)
         users.append(RoadUser(n, track, Shape(agent.type, agent.length, agent.width)))
-    signals = [SignalRecord.model_validate(each.model_dump()) for each in observation.lights]
     events = find_events(
-        users, intersection_map=intersection_map, signals=signals, until=observation.now + HORIZON
+        users,
+        intersection_map=intersection_map,
+        signals=observation.lights,
+        until=observation.now + HORIZON,
     )
     return tuple(event for event in events if event.type in RELATIONS)
 
