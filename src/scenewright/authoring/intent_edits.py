@@ -128,6 +128,10 @@ def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool
             return all(each.edit == "set_background" for each in reading.edits)
         case "not_react":
             return False  # whether there is anything to react to is seen by the wish alone
+        case "closer" | "less_close" | "harder" | "softer":  # what happens stays, by how much not
+            now = {(each.from_, each.to, each.type) for each in talk.list_edges()}
+            edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
+            return all((each.from_, each.to, each.type) in now for each in edges)
         case "redraw":
             return all(each == Redraw() for each in reading.edits) or " for " in plain
         case "turn" if (said := _find_turn(plain)) is not None:

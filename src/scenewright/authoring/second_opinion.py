@@ -307,10 +307,11 @@ def _keep(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
         or len(_NEW_ONE.findall(words.lower())) >= 2
     ):
         return by_planner
-    declined = isinstance(by_planner, DeclinedTurn) and by_planner.code != "no_change"
-    if declined and by_planner.code != "out_of_scope":
-        return by_planner
-    return _ask(words, talk, read) or (by_planner if declined else _decline_change())
+    declined = by_planner if isinstance(by_planner, DeclinedTurn) else None
+    if declined and declined.code not in ("no_change", "out_of_scope"):
+        return declined
+    known = declined is not None and declined.code != "no_change"
+    return _ask(words, talk, read) or (declined if known else None) or _decline_change()
 
 
 def _decline_change() -> DeclinedTurn:

@@ -204,7 +204,7 @@ def is_label(tokens: Sequence[Token], n: int) -> bool:
     if n and tokens[n].start - tokens[n - 1].end == 1 and is_label(tokens, n - 1):
         return True  # "claim 77-20941"
     several = follow is not None and follow.has("noun") and follow.text.endswith("s")
-    if n and tokens[n - 1].is_in("numbered") and not (several and follow.text != "bus"):
+    if n and tokens[n - 1].is_in("numbered") and not (several and follow and follow.text != "bus"):
         return True  # "question 7", "the number 14 bus"
     if n > 1 and tokens[n - 1].is_in("be") and tokens[n - 2].is_in("pronouns"):
         return follow is None or follow.kind in ("end", "comma")  # "he is ninety"

@@ -130,19 +130,20 @@ def assign_foreground(
         for route in open_
     }
 
-    related = {frozenset((edge.from_, edge.to)) for edge in graph.relations}
-    strangers = [
-        pair
-        for pair in itertools.combinations(grounding.routes, 2)
-        if frozenset(pair) not in related
-    ]
+    # Two that do the same to a third, as two cars that give way to it, meet one another only by
+    # chance; those of a chain have to be in one lane.
+    roles = {
+        name: {(e.type, e.to) for e in graph.relations if e.from_ == name}
+        for name in grounding.routes
+    }
+    alike = [pair for pair in itertools.combinations(roles, 2) if roles[pair[0]] & roles[pair[1]]]
 
     def count_meetings(routes: Mapping[str, Route]) -> int:
-        """How many pairs that nothing is said of have ways that cross, or drive in one lane."""
+        """How many pairs that do the same to a third have ways that cross, or drive in one lane."""
         return sum(
             have_conflict(routes[a], routes[b], intersection_map=intersection_map)
             or (routes[a].id == routes[b].id and routes[a].type == "vehicle")
-            for a, b in strangers
+            for a, b in alike
         )
 
     def count_faults(assignment: RoleAssignment) -> tuple[int, int, int, int, int]:
