@@ -178,7 +178,8 @@ def decline(reason: str) -> DeclinedTurn:
 
 def replace_agent(node: AgentNode, new: Named, talk: Talk) -> Edits:
     """An agent of another class in the place of one: in its relations, on its way if it can."""
-    taken = {each.id for each in (*talk.situation.present, *talk.situation.graph.agents)}
+    situation = talk.situation
+    taken = {e.id for e in situation.present} | {e.id for e in situation.graph.agents}
     name = next(f"{new.type}-{n}" for n in range(1, 99) if f"{new.type}-{n}" not in taken)
     kept = talk.keep_way(node)
     on_foot = "pedestrian" in (new.type, node.type)

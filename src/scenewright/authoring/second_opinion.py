@@ -291,10 +291,13 @@ def _is_bold(reading: Edits, words: str) -> bool:
 
 
 def _make(intent: str, words: str, talk: Talk, read: Read) -> Reading | None:
-    """What does the intent; None where that is nothing, or a scene of its own."""
+    """What does the intent; None where that is nothing, a scene of its own, or not understood."""
     spelt = spell_out(intent, words, talk)
-    made = read(spelt) if isinstance(spelt, str) else spelt
-    return None if isinstance(made, NewScene) else made
+    if not isinstance(spelt, str):
+        return spelt
+    made = read(spelt)
+    unclear = isinstance(made, DeclinedTurn) and made.code == "out_of_scope"
+    return None if unclear or isinstance(made, NewScene) else made
 
 
 def _keep(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
