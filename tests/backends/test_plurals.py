@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from scenewright.backends.builtin.planner import plan
+from scenewright.backends.builtin.reader.groups import count_plurals
+from scenewright.backends.builtin.reader.reading import read_text
 from scenewright.scene.social import Refusal, SocialGraph
 
 
@@ -23,7 +25,9 @@ def test_a_plural_without_a_number_is_so_many_and_noted(text: str, words: str, m
     assert isinstance(made, SocialGraph)
     said = [each for each in made.said if each.became == "agent" and each.words == words]
     assert [text[each.start : each.end] for each in said] == [words] * many
-    assert {each.note for each in said} == {f"the words leave open how many; {many} are made"}
+    assert {each.note for each in said} == {
+        f"the words leave open how many; {'three' if many == 3 else 'two'} are made"
+    }
     assert len(made.relations) == many
 
 
@@ -39,8 +43,23 @@ def test_plurals_of_a_text_in_which_nothing_happens_are_no_parties(text: str) ->
     assert isinstance(graph, Refusal) or not graph.relations
 
 
-def test_a_number_said_apart_from_the_noun_is_no_plural_without_a_number() -> None:
-    found = plan("Three blue cars wait for a pedestrian")
-    assert isinstance(found, SocialGraph)
-    assert len(found.relations) == 3
-    assert not any(each.note for each in found.said)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Three blue cars wait",
+        "No other cars are there",
+        "A car between parked cars",
+        "Two vans",
+        "Teenagers jaywalk across the south leg in a group of three",
+        "Kids run out and a car hits one of them",
+    ],
+)
+def test_numbered_and_standing_plurals_are_left_alone(text: str) -> None:
+    reading = read_text(text)
+    assert count_plurals(reading) == reading
+
+
+def test_a_number_said_apart_from_the_noun_is_asked_for() -> None:
+    found = plan("Kids run across and a car hits one of them")
+    assert isinstance(found, Refusal)
+    assert "say a number" in found.reason

@@ -238,7 +238,7 @@ def test_what_may_mean_two_is_asked_back_once(talk: Conversation) -> None:
     hit = talk.made("vehicle-1")
     assert sorted(events(hit)) == ["collision", "follow"]
     # "it" is the vehicle that was named last.
-    assert "south crosswalk" in talk.say("have it turn right")["reason"]
+    assert "from the north to the west" in talk.say("have it turn right")["reason"]
 
 
 def test_a_refusal_leaves_the_scene_and_says_why(talk: Conversation) -> None:

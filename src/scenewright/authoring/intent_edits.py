@@ -348,7 +348,7 @@ def _go(wish: EditIntent) -> _Answer:
 
 
 def _change(wish: EditIntent, node: AgentNode, **update: object) -> Edits:
-    """The agent on its way, with what is to be other."""
+    """Edit fields of an agent; it keeps the way that it takes now where no field names another."""
     node = wish.talk.keep_way(node).model_copy(update=update)
     return make_edits(ChangeAgent(node=AgentNode.model_validate(node.model_dump())))
 

@@ -104,7 +104,7 @@ class Talk:
         return None
 
     def name_spoken(self, words: str) -> str:
-        """The words with ids in place of the pronouns that mean somebody, or who was spoken of."""
+        """Replace each pronoun by the id of the agent that it means, where that is known."""
 
         def name(found: re.Match[str]) -> str:
             node = self._find_word(found["who"].lower())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-from scenewright.scene.phrasing import number_nouns
+from scenewright.scene.phrasing import name_kind, number_nouns
 from scenewright.scene.record import SceneRecord
 
 _NOUN_PHRASE = re.compile(
@@ -23,7 +23,7 @@ def call_agents(scene: SceneRecord) -> dict[int, str]:
     Those that it does not name keep the name that edits know, "vehicle-7".
     """
     named = [agent for agent in scene.agents if agent.role == "foreground"]
-    nouns = {each.id: (each.subtype or each.type).replace("_", " ") for each in named}
+    nouns = {each.id: name_kind(each.subtype or each.type) for each in named}
     spans = Counter(each.start for each in scene.said if each.became == "agent")
     in_capitals = all(each.words.isupper() for each in scene.said if each.became == "agent")
     for each in reversed(scene.said):

@@ -80,15 +80,16 @@ def choose_names(graph: SocialGraph) -> dict[str, str]:
     return number_nouns({
         agent.id: f"group of {agent.members} pedestrians"
         if agent.members
-        else _name_subtype(agent.subtype)
+        else name_kind(agent.subtype)
         if agent.subtype
         else _NOUNS[agent.type]
         for agent in graph.agents
     })  # fmt: skip
 
 
-def _name_subtype(subtype: str) -> str:
-    return "emergency vehicle" if subtype == "emergency" else subtype.replace("_", " ")
+def name_kind(kind: str) -> str:
+    """The noun of a class or a kind of vehicle, such as "police car"."""
+    return "emergency vehicle" if kind == "emergency" else kind.replace("_", " ")
 
 
 def number_nouns(nouns: Mapping[Key, str]) -> dict[Key, str]:

@@ -23,7 +23,7 @@ BUCKETS = 16384
 LIKELY, LIKELY_NAME, LIKELY_THING = 0.11, 0.5, 0.05
 """Probability of content below which a word is taken for talk; that of one with a capital inside a
 sentence; and of one after "a", which brings something new. Of unknown words without content four
-fifths pass, of those with content over a quarter (five folds of voices): these the reader has to
+fifths pass, of those with content three in ten (five folds of voices): these the reader has to
 miss. Vectors of words, boosted trees and networks told the two apart no better."""
 _TELLING = ("noun", "event", "motion_verb", "side", "stop", "crosswalk", "beyond", "request")
 

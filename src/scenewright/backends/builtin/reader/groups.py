@@ -74,24 +74,31 @@ def _drop_users(users: tuple[int, ...], first: int, others: list[int]) -> tuple[
 _FEW = compile_words("groups.few")
 """Words for a few road users, which are made three: "several", "a number of"."""
 
+_COUNTED_ELSEWHERE = compile_words("groups.counted_elsewhere")
+"""The number is said apart from the noun: "teenagers cross in a group of three", "one of them"."""
+
 _TAKES_PART = (*EVENTS, "lane", "meet", "cross", "jay", "cw", "red")
 
 
 def count_plurals(reading: Reading) -> Reading:
     """The reading with two road users for a plural without a number, three for "several".
 
-    Plurals that take no part in anything say what traffic there is, and stay as they are.
+    Plurals that take no part in anything say what traffic there is, and stay as they are, as do
+    those of a text that says their number elsewhere.
     """
+    if _COUNTED_ELSEWHERE.search(reading.text):
+        return reading
     for user, at in list(reading.users.items()):
         span = reading.spans[at]
-        if span.value == "many" and not span.negated and _takes_part(user, reading):
+        if span.value == "many" and not span.negated and takes_part(user, reading):
             first = max(reading.users) + 1
             others = range(first, first + (2 if _FEW.search(span.words) else 1))
             reading = _split(reading, user, tuple(others))
     return reading
 
 
-def _takes_part(user: int, reading: Reading) -> bool:
+def takes_part(user: int, reading: Reading) -> bool:
+    """Whether the text says what a road user does."""
     return any(
         span.tag in _TAKES_PART and not span.negated and user in (*span.subjects, *span.objects)
         for span in reading.spans

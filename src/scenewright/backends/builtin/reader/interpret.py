@@ -23,14 +23,14 @@ from scenewright.backends.builtin.reader.annotation import (
     SIDES,
 )
 from scenewright.backends.builtin.reader.asked_numbers import NUMBERS, read_number, says_pace
-from scenewright.backends.builtin.reader.groups import GROUP
+from scenewright.backends.builtin.reader.groups import GROUP, takes_part
 from scenewright.backends.builtin.reader.manoeuvres import (
     read_lanes,
     settle_lanes,
     settle_lead_braking,
 )
 from scenewright.backends.builtin.reader.measures import measure_in
-from scenewright.backends.builtin.reader.numbers import number_in
+from scenewright.backends.builtin.reader.numbers import TO_TWENTY, number_in
 from scenewright.backends.builtin.reader.orders import has_order_words
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
@@ -297,6 +297,11 @@ def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
                 f"{_UNKNOWN_CLASS[span.tag]} ({span.words}); use vehicles, cyclists, e-scooters "
                 "and pedestrians.",
             )
+        elif span.value == "many" and len(span.subjects) == 1 and takes_part(number, reading):
+            raise Refused(
+                "out_of_scope",
+                f"How many '{span.words}' are is not said; say a number, such as two.",
+            )
         elif span.value == "many" and len(span.subjects) == 1:
             result.enter(span, "density", value="ordinary traffic")
         else:
@@ -335,7 +340,7 @@ def _add_user(result: Interpretation, number: int, span: ReadSpan) -> None:
         agent.members, kind = int(span.value.removeprefix(GROUP)), span.value
     note = None
     if span.value == "many":
-        note = f"the words leave open how many; {len(span.subjects)} are made"
+        note = f"the words leave open how many; {TO_TWENTY[len(span.subjects)]} are made"
     result.enter(span, "agent", (number,), kind, note)
     _read_adjectives(result, number, span)
 
