@@ -36,6 +36,9 @@ from scenewright.tools.account import prove
         ("Lorry dead in S lane. 2 cars queue behind. Neither passes.",
          "Car 2 waits behind a stalled truck on the south leg."),
         ("A car cuts in ahead of a bus and the bus swerves", "A bus swerves within its lane."),
+        ("At 1130 pm a car hits a pedestrian", "It is 23:30."),
+        ("A near miss of a car and a pedestrian with a minimum TTC of 1.2 s", "with a TTC of 1.2 s."),
+        ("A van cuts in from the other lane in front of a car", "There is a van. There is a car."),
         ("A girl crosses the east crosswalk, she doesn't run, a car waits for her",
          "A pedestrian crosses on the east crosswalk."),
     ],
@@ -44,6 +47,21 @@ def test_it_is_read_as_it_is_meant(text: str, meant: str) -> None:
     graph = plan(text)
     assert isinstance(graph, SocialGraph), graph
     assert meant in describe_graph(graph)
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("A bus with fifty people on board hits a car", "The bus collides with the car."),
+        ("A car stops 3 m from a cyclist", "The car yields to the cyclist."),
+        ("A car does not yield to pedestrians and hits one",
+         "There is pedestrian 2. The car collides with pedestrian 1."),
+    ],
+)  # fmt: skip
+def test_nothing_is_planned_that_was_not_said(text: str, meant: str) -> None:
+    graph = plan(text)
+    assert isinstance(graph, SocialGraph), graph
+    assert describe_graph(graph).endswith(meant)
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,7 @@ _HALF_PAST = re.compile(
     rf"(?: past| after|(?<=half)) ({_NUMBER})\b{_COUNTED}"
 )
 _MIDNIGHT = re.compile(r"\b(past|after|to|before) midnight\b")
+_UNDIVIDED = re.compile(r"\b(0?[1-9]|1[0-2])([0-5]\d)\s*([ap]m)\b")
 _OFF_CLOCK = re.compile(r"\b(?:[3-9]\d|2[4-9]):\d\d\b|\b\d{1,2}:[6-9]\d\b")
 _YEAR = re.compile(r"\b(?:a|an|the|in|of|his|her|their|my|model)\s+$")
 _MILITARY = re.compile(
@@ -63,7 +64,7 @@ _BARE = compile_words("clock.bare", re.NOFLAG)
 
 def read_clock(text: str) -> str | None:
     """The time in the text as HH:MM or HH:MM-HH:MM; Refused where two clock times differ."""
-    text = _MIDNIGHT.sub(r"\1 12 at night", text)
+    text = _UNDIVIDED.sub(r"\1:\2 \3", _MIDNIGHT.sub(r"\1 12 at night", text))
     text = _HALF_PAST.sub(_write_in_digits, re.sub(r"(?<=\d)ish\b", "", text))
     times: list[str] = []
     for pattern, read in _FORMS:

@@ -112,7 +112,7 @@ def read_number(
     kind = _find_kind(span, users, spans, after)
     about = [users[n] for n in (*span.subjects, *span.objects) if n in users]
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft, about)
-    if span.negated or kind is None:
+    if span.negated or kind is None or (kind == "line_distance" and _is_to_agent(span, spans)):
         return None
     found = parse_range(span.words, before, UNITS[kind].tolerance)
     if found is None:
@@ -127,6 +127,12 @@ def read_number(
     if not bounded:
         return None
     return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
+
+
+def _is_to_agent(span: ReadSpan, spans: Sequence[ReadSpan]) -> bool:
+    """Whether a distance is one to the road user named right after it: "2 m from a cyclist"."""
+    named = [s.start for s in spans if s.tag in ("ref", *MENTIONS)]
+    return any(0 <= start - span.end <= 1 for start in named)
 
 
 def says_pace(span: ReadSpan) -> bool:

@@ -682,6 +682,8 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
     if span.negated:
         result.denied.append(span)
         return
+    if _ONE_OF_THEM.search(span.words):
+        span = replace(span, objects=span.objects[:1])
     users = result.users
     if span.tag == "follow" and _BEHIND.search(span.words) and not result.settling:
         result.behind.append(span)
@@ -719,6 +721,9 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         result.enter(span, "relation", (first, second), edge.type)
         if edge.first is not None:
             result.enter(span, "order", (first, second))
+
+
+_ONE_OF_THEM = re.compile(r"\bone(?: of them)?$", re.IGNORECASE)
 
 
 def _list_pairs(span: ReadSpan, users: Collection[int]) -> list[tuple[int, int]]:
@@ -906,6 +911,9 @@ def _set_background(result: Interpretation, span: ReadSpan) -> None:
         )
     if number == 0 and _NONE_AT_ALL.search(span.words):
         result.absent.append(span)
+    if _ABOARD.search(f"{span.words}{after}"):
+        result.enter(span, "nothing", note="nobody inside a vehicle is shown")
+        return
     uncounted = number is None and _MANY.search(span.words) is not None
     if uncounted or _PER_LEG.match(after) or (number and _RIDERS.search(span.words)):
         result.enter(span, "nothing", note="say how many vehicles or pedestrians in all")
@@ -924,6 +932,7 @@ def _set_background(result: Interpretation, span: ReadSpan) -> None:
 
 
 _OF_BOTH = ("vehicles", "pedestrians")
+_ABOARD = re.compile(r"^[\w ]*\b(?:on ?board|aboard|inside|on it)\b", re.IGNORECASE)
 _MANY = re.compile(r"\b(?:lots?|many|plenty|crowds?|loads|tons|masses)\b", re.IGNORECASE)
 _PER_LEG = re.compile(r"\W*(?:per|(?:on|in|at|from|for) (?:each|every)|each)\b", re.IGNORECASE)
 _IN_ALL = re.compile(r"\W*(?:altogether|in total|in all|overall|all told)\b", re.IGNORECASE)
@@ -1217,10 +1226,9 @@ def _deny_event(result: Interpretation, span: ReadSpan) -> None:
             "contradictory", "The text both asks for an event and denies it; keep one of the two."
         )
     if span.tag == "yield" and len(involved) >= 2 and not result.changing:
-        for other in involved[1:]:
-            pair = frozenset((id(involved[0]), id(other)))
-            if len(pair) == 2 and not any(edge.pair() == pair for edge in draft.relations):
-                draft.relations.append(RelationDraft("near_miss", involved[0], other))
+        pairs = [{id(involved[0]), id(other)} for other in involved[1:]]
+        if not any(edge.pair() in pairs for edge in draft.relations):
+            draft.relations += [RelationDraft("near_miss", involved[0], e) for e in involved[1:]]
     draft.denied.add(kind)
 
 

@@ -149,7 +149,8 @@ def _correct_span(span: ReadSpan, *, driving: bool) -> ReadSpan:
     sure = max(span.confidence, _KNOWN)
     if span.tag in ("place", "act") and _HERE.search(span.words):
         return replace(span, tag="manner")
-    if span.tag == "place" and _LANE_CHANGE.search(span.words):
+    other_lane = span.tag == "place" or span.value == "wrongway"
+    if other_lane and _LANE_CHANGE.search(span.words):
         return replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
     if span.tag not in ("hit", "near", "yield", "follow") or not driving:
         return span
