@@ -440,3 +440,37 @@ def test_the_account_is_the_same_whatever_the_order_of_sets(
     """A word with two claims that hold shows the first of its senses in their own order."""
     proof = account(made[YIELD], place, "A bus yields to a pedestrian crossing")
     assert [e.claim for e in proof.account if e.words == "crossing"] == ["crossing crosses"]
+
+
+@pytest.mark.parametrize(
+    ("words", "state"),
+    [
+        ("from Amsterdam Ave", "seen"),
+        ("from W 120th Street", "contradicted"),
+        ("into Amsterdam Avenue", "contradicted"),
+        ("near the corner of Amsterdam Avenue and West 120th Street", "seen"),
+    ],
+)
+def test_a_street_is_a_claim_where_one_comes_from_it_or_goes_there(
+    made: Mapping[str, Made], place: IntersectionMap, words: str, state: str
+) -> None:
+    """The bus of the scene turns left from the north, which is Amsterdam Avenue, to the east."""
+    states = list_states(account(made[YIELD], place, f"A bus {words} yields to a pedestrian"))
+    assert {said for name, said in states.items() if "A" in name[1:] or "W" in name} == {state}
+
+
+def test_a_light_is_red_for_whom_the_text_says(
+    made: Mapping[str, Made], place: IntersectionMap
+) -> None:
+    text = (
+        "A bus yields to a girl who crosses while it is red for her, and she stops at the red light"
+    )
+    states = list_states(account(made[YIELD], place, text))
+    assert [state for said, state in states.items() if "red" in said] == ["not_shown"] * 2, states
+
+
+def test_she_is_no_bus(made: Mapping[str, Made], place: IntersectionMap) -> None:
+    text = "A bus yields to a girl on the crosswalk and she turns left"
+    assert list_states(account(made[YIELD], place, text))["left"] == "not_shown"
+    driver = list_states(account(made[YIELD], place, text.replace("bus", "bus driver")))
+    assert driver["left"] == "seen"

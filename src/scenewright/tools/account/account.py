@@ -17,6 +17,7 @@ from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.field_claims import account_fields
 from scenewright.tools.account.mentions import Mention, find_mentions
 from scenewright.tools.account.sense_readers import read_claims
+from scenewright.tools.account.roads import name_roads
 from scenewright.tools.account.talk import is_talk
 from scenewright.tools.account.vocabulary import Token, is_label, load_vocabulary, read_tokens
 from scenewright.tools.relation_checker import check
@@ -154,7 +155,7 @@ def list_unknown_words(
     text: str, intersection_map: IntersectionMap | None
 ) -> tuple[AccountEntry, ...]:
     """The words of a text that no scene at a place can show, whatever is planned."""
-    tokens = read_tokens(text)
+    tokens = name_roads(read_tokens(text), text, intersection_map)
     return tuple(
         _build_entry(text, 0, tokens[n : n + 1], _Judged("not_shown", evidence=reason))
         for n, token in enumerate(tokens)
@@ -204,7 +205,7 @@ def is_function(token: Token) -> bool:
 
 
 def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEntry]:
-    tokens = read_tokens(text)
+    tokens = name_roads(read_tokens(text), text, facts.intersection_map)
     mentions = find_mentions(tokens)
     claims = read_claims(tokens, mentions)
     binding, results = bind_mentions(mentions, claims, facts)
@@ -279,7 +280,7 @@ def _judge(
         return _Judged("seen", f"{claim.type} {claim.value}", result.evidence, result.agents)
     if is_function(token):
         return None
-    if _names_road(token, facts.intersection_map):
+    if not false and _names_road(token, facts.intersection_map):
         return _Judged("seen", "road", "a street of this place")
     return (
         _judge_beyond(n, tokens)
@@ -361,7 +362,7 @@ def _copy_near(states: Sequence[_Judged | None], tokens: Sequence[Token], n: int
 def _names_road(token: Token, intersection_map: IntersectionMap | None) -> bool:
     legs = intersection_map.legs if intersection_map else ()
     words = {part for leg in legs for part in (leg.road or "").casefold().split()}
-    return token.text in words and not token.has("side", "bound")
+    return token.has("road") or (token.text in words and not token.has("side", "bound"))
 
 
 def _build_entry(text: str, turn: int, tokens: Sequence[Token], found: _Judged) -> AccountEntry:

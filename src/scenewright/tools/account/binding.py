@@ -107,7 +107,9 @@ def _list_sets(mention: Mention, facts: SceneFacts) -> Iterator[Bound]:
         for size in (1,) if mention.count == 1 else (2, 3, 1):
             yield from (frozenset(each) for each in combinations(ids, size))
     agents = [
-        n for n in facts.foreground if mention.pronoun or facts.fits_class(n, mention.classes)
+        n
+        for n in facts.foreground
+        if (mention.pronoun and not mention.classes) or facts.fits_class(n, mention.classes)
     ] or list(facts.foreground)  # of another class: what else is said of it can still be tested
     if mention.count == 1:
         yield from (frozenset({n}) for n in agents)

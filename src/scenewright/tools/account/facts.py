@@ -112,6 +112,35 @@ class SceneFacts:
         edges = np.flatnonzero(slow[1:] != slow[:-1])
         return [float(each) for each in np.diff(edges)[::2] * self.scene.meta.step]
 
+    def waits_at_red(self, number: int) -> bool:
+        """Whether an agent stands before the junction while its stop line or crosswalk is red."""
+        agent, step = self.agents[number], self.scene.meta.step
+        own = (
+            f"{agent.crosswalk}:crosswalk" if agent.type == "pedestrian" else f"{agent.entry}:stop"
+        )
+        red = [
+            (each.start, each.end)
+            for each in self.scene.signals
+            if each.colour == "red" and own in (each.crosswalk, each.stop_line)
+        ]
+        return any(
+            start <= agent.spawn_time + k * step < end
+            and (agent.type == "pedestrian" or self._is_before_line(agent.trajectory[k], own))
+            for k in np.flatnonzero(self.compute_speed(number) < _STANDING)
+            for start, end in red
+        )
+
+    def _is_before_line(self, point: tuple[float, float], stop_line: str) -> bool:
+        """Whether a place is farther out of the junction than a stop line."""
+        lines = self.intersection_map.stop_lines if self.intersection_map else ()
+        legs = self.intersection_map.legs if self.intersection_map else ()
+        for line in (each for each in lines if each.id == stop_line):
+            bearing = next(each.bearing for each in legs if each.name == line.leg)
+            (ax, ay), (bx, by) = line.line[0], line.line[-1]
+            east, north = point[0] - (ax + bx) / 2.0, point[1] - (ay + by) / 2.0
+            return east * math.cos(bearing) + north * math.sin(bearing) > 0.0
+        return False
+
     def compute_kept_speed(self, number: int) -> float | None:
         """The highest speed that an agent keeps for a second [m/s]; None of a shorter track."""
         speed, window = self.compute_speed(number), round(1.0 / self.scene.meta.step)

@@ -23,7 +23,8 @@ class Mention:
 
     Attributes:
         head: index of its noun or pronoun; start, stop: its words, from article to noun.
-        classes: classes or subtypes that the noun allows; empty for a pronoun.
+        classes: classes or subtypes that the noun allows; empty for a pronoun, unless it is one of
+            persons ("she") where somebody on foot or riding is told of, and no driver.
         count: how many; None for a plural without a number.
         new: it is first told of here (a, another, a number); pronoun: it stands for others.
         first_person: the narrator; object: it stands, as a parked vehicle does.
@@ -69,6 +70,10 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
                 mention = replace(mention, classes=mention.classes | person.classes)
         if tokens[mention.head].text == "bike" and any("motorcycle" in m.classes for m in found):
             mention = replace(mention, classes=mention.classes | {"motorcycle"})
+        if mention.pronoun and tokens[n].is_in("of_persons"):
+            persons = [m.classes for m in found if m.classes & (_RIDERS | {"pedestrian"})]
+            if persons and not any(each.is_in("drivers") for each in tokens):
+                mention = replace(mention, classes=frozenset().union(*persons))
         alone = mention.pronoun and tokens[n].text == "another"
         if found and alone and tokens[n - 1].text not in ("one", "after"):  # "a car hits another"
             mention = replace(mention, classes=found[-1].classes, pronoun=False, nouns=(n,))

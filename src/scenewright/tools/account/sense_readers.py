@@ -239,6 +239,28 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
     yield Claim("side", side, (n,), subjects, tests.AllAgents(subjects, side, holds, leg=side))
 
 
+def _read_road(finder: PartyFinder, n: int, legs: str) -> Iterator[Claim]:
+    """A street: to leave by, to come from or to be on; none at a corner or of another."""
+    before = finder.tokens[max(0, n - 3) : n]
+    said = next(
+        (t for t in reversed(before) if t.has("noun", "cross") or t.is_in("to", "from", "along")),
+        None,
+    )
+    corner = any(
+        each.text in ("and", "with", "of", "at", "cross", "across") for each in before[-1:]
+    )
+    if said is None or corner or said.has("noun", "cross") or said.text in ("of", "for"):
+        return
+    to, source = (said.is_in(each) for each in ("to", "from"))
+
+    def holds(facts: SceneFacts, number: int) -> bool:
+        agent = facts.agents[number]
+        ways = {agent.exit} if to else {agent.entry} if source else {agent.entry, agent.exit}
+        return not ways.isdisjoint(legs.split("|")) or agent.crosswalk in legs.split("|")
+
+    yield from _claim_all(finder, n, ("side", legs, finder.tokens[n].text), holds)
+
+
 def _is_opposite(entry: str, side: str) -> bool:
     return find_relative_side(entry, seen_from=side) == "opposite"
 
@@ -353,13 +375,21 @@ def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _read_light(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-    """Claim that the place has lights, or of a green light that the agent runs no red one."""
+    """Claim that the place has lights, that one waits at red, or passes on green."""
+    start, stop = finder.tokens[n].senses["light"]
     if any(m.start <= n < m.head for m in finder.mentions):
         return  # "a green car"
     if any(each.text == "green" for each in finder.tokens[max(0, n - 1) : n + 1]):
         yield from _claim_all(
             finder, n, ("red_light", "no run", "a green light"),
             lambda facts, number: number not in facts.red_runners and bool(facts.scene.signals),
+        )  # fmt: skip
+    elif any(each.text == "red" for each in finder.tokens[start:stop]) and any(
+        each.has("stop") for each in finder.tokens[max(0, start - 5) : start]
+    ):  # "waiting at the red light"
+        yield from _claim_all(
+            finder, n, ("stop", "waits at a red light", "stands before a red light"),
+            lambda facts, number: facts.waits_at_red(number),
         )  # fmt: skip
     else:
         yield Claim("light", "lights", (n,), (), tests.check_lights)
@@ -518,6 +548,7 @@ def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]])
 
 _READERS: Mapping[str, Reader] = {
     "side": _read_side,
+    "road": _read_road,
     "bound": _read_bound,
     "left": _read_hand("left"),
     "right": _read_hand("right"),

@@ -673,6 +673,31 @@ def _run_red(result: Interpretation, span: ReadSpan) -> None:
             result.enter(span, "runs_red", (number,))
 
 
+def _read_light(result: Interpretation, span: ReadSpan) -> None:
+    """ "Crosses while it is red for her" is a red light run; "waits at the red light" a wait."""
+    around = result.text[max(0, span.start - _NEAR_LIGHT) : span.end + _NEAR_LIGHT]
+    said = f"{span.words}{result.text[span.end :][: len(' for her')]}"
+    if _STOPS.search(span.words) and _IS_RED.search(span.words):
+        agents = result.list_agents(span.subjects)
+        result.draft.measures += [MeasureDraft("wait", e, None, *_AT_RED) for e in agents]
+    if not _STILL_RED.search(around) or not _IS_RED.search(said) or _STOPS.search(result.text):
+        result.enter(span, "signals", span.subjects)
+        return
+    named = [s for s in result.spans if s.tag in ("ref", *MENTIONS) and s.subjects]
+    after = [s for s in named if 0 <= s.start - span.end <= len(" for the ")]
+    before = [s for s in named if s.start < span.start]
+    subjects = span.subjects or (after[:1] or before[-1:])[0].subjects
+    _run_red(result, replace(span, tag="red", subjects=subjects, negated=False))
+
+
+_AT_RED = (0.5, 25.0)
+"""How long who waits at a red light stands there at least and at most [s]."""
+_NEAR_LIGHT = 24
+"""Characters before and after words of a light in which one says that somebody goes all the same."""
+_STILL_RED = re.compile(r"\b(?:while|although|though|but|despite|even)\b", re.IGNORECASE)
+_IS_RED = re.compile(r"\bred\b", re.IGNORECASE)
+
+
 def _relate(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "hit" and _STOPS_BEFORE.search(result.text[: span.start]):
         span = replace(span, tag="near", value=None)
@@ -1098,9 +1123,9 @@ def _settle(result: Interpretation) -> None:
     for agent in map(result.users.get, result.braking):
         for edge in draft.relations:
             dangerous = edge.type in ("near_miss", "collide_at") and edge.manoeuvre is None
-            if agent is not None and dangerous and agent in (edge.from_, edge.to):
-                edge.cause = find_marked("cause", "brakes")
-                edge.braker = agent if agent.type == "vehicle" else None  # riders brake softly
+            drives = agent is not None and agent.type == "vehicle"  # riders brake softly
+            if drives and dangerous and agent in (edge.from_, edge.to):
+                edge.cause, edge.braker = find_marked("cause", "brakes"), agent
     for span in result.absent if not result.changing else ():
         denied = {"veh": "vehicle", "ped": "pedestrian"}.get(span.tag.removeprefix("bg"))
         if any(a.type == denied for a in draft.agents) or (span.tag == "bgall" and draft.agents):
@@ -1281,7 +1306,7 @@ _RULES: dict[str, Rule] = {
     "place": _keep("places"),
     "ref": _refer,
     "del": _note("retracted"),
-    "light": _note("signals"),
+    "light": _read_light,
     "road": _read_road,
 }
 """What is done with a span, by its tag; all others are left out, and said to be."""
