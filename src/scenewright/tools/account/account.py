@@ -16,8 +16,8 @@ from scenewright.tools.account.claims import Binding, Claim, Result
 from scenewright.tools.account.facts import SceneFacts
 from scenewright.tools.account.field_claims import account_fields
 from scenewright.tools.account.mentions import Mention, find_mentions
-from scenewright.tools.account.sense_readers import read_claims
 from scenewright.tools.account.roads import name_roads
+from scenewright.tools.account.sense_readers import read_claims
 from scenewright.tools.account.talk import is_talk
 from scenewright.tools.account.vocabulary import Token, is_label, load_vocabulary, read_tokens
 from scenewright.tools.relation_checker import check

@@ -693,7 +693,7 @@ def _read_light(result: Interpretation, span: ReadSpan) -> None:
 _AT_RED = (0.5, 25.0)
 """How long who waits at a red light stands there at least and at most [s]."""
 _NEAR_LIGHT = 24
-"""Characters before and after words of a light in which one says that somebody goes all the same."""
+"""Characters around words of a light in which one says that somebody goes all the same."""
 _STILL_RED = re.compile(r"\b(?:while|although|though|but|despite|even)\b", re.IGNORECASE)
 _IS_RED = re.compile(r"\bred\b", re.IGNORECASE)
 
@@ -707,8 +707,6 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
     if span.negated:
         result.denied.append(span)
         return
-    if _ONE_OF_THEM.search(span.words):
-        span = replace(span, objects=span.objects[:1])
     users = result.users
     if span.tag == "follow" and _BEHIND.search(span.words) and not result.settling:
         result.behind.append(span)
@@ -756,6 +754,8 @@ def _list_pairs(span: ReadSpan, users: Collection[int]) -> list[tuple[int, int]]
 
     Several followers of one leader drive one behind the other: "seven cars follow a bus".
     """
+    if _ONE_OF_THEM.search(span.words):
+        span = replace(span, objects=span.objects[:1])
     pairs = list(zip(sorted(span.subjects), sorted(span.objects), strict=False))
     flat = [number for pair in pairs for number in pair]
     if len(span.subjects) != len(span.objects) or flat != sorted({*flat}):
