@@ -37,7 +37,7 @@ from scenewright.tools.account import prove
          "Car 2 waits behind a stalled truck on the south leg."),
         ("A car cuts in ahead of a bus and the bus swerves", "A bus swerves within its lane."),
         ("At 1130 pm a car hits a pedestrian", "It is 23:30."),
-        ("A near miss of a car and a pedestrian with a minimum TTC of 1.2 s", "with a TTC of 1.2 s."),
+        ("A car narrowly misses a pedestrian, minimum TTC 1.2 s", "with a TTC of 1.2 s."),
         ("A van cuts in from the other lane in front of a car", "There is a van. There is a car."),
         ("A pupil crosses at the lights while it is red for her and a bus nearly hits her",
          "A pedestrian crosses and runs the red light."),
