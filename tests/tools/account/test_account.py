@@ -442,6 +442,12 @@ def test_the_account_is_the_same_whatever_the_order_of_sets(
     assert [e.claim for e in proof.account if e.words == "crossing"] == ["crossing crosses"]
 
 
+@pytest.mark.parametrize("bus", ["a bus", "a bus at its stop"])
+def test_who_hides_somebody_need_not_be_called_parked(bus: str) -> None:
+    text = f"A child runs out from behind {bus} and a car almost hits the child"
+    assert set(list_states(synthesize(text, seed=3, refiner="none").proof).values()) == {"seen"}
+
+
 @pytest.mark.parametrize(
     ("words", "state"),
     [

@@ -147,6 +147,7 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
         new=number is not None or (not before and plural)
         or any(each.is_in("indefinite", "ordinals") for each in before),
         object=things or any(each.has("object") for each in before)
+        or ("pedestrian" not in classes and start > 0 and tokens[start - 1].has("sight"))
         or ("pedestrian" not in classes and _is_said_to_stand(tokens, stop)),
         background=any(each.is_in("around") for each in before) and (plural or number is not None),
         absent=none is not None

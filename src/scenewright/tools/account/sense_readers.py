@@ -117,7 +117,8 @@ def _read_mention(finder: PartyFinder, index: int) -> Iterator[Claim]:
     words = range(mention.start, min(len(tokens), mention.stop + 1 + be))
     kind = next((k for n in words for k in tokens[n].list_values("object")), None)
     if kind is not None:
-        span = tuple(n for n in words if f"object.{kind}" in tokens[n].senses)
+        spans = [tokens[n].senses.get(f"object.{kind}", (0, 0)) for n in words]
+        span = tuple(sorted({n for each in spans for n in range(*each)}))  # "at its stop"
         yield Claim(
             "object",
             kind,
