@@ -446,6 +446,9 @@ def define_terms() -> list[str]:
         "TTC is the time until they would touch if both went on as they do [s].",
         "DRAC is the braking that just avoids the collision [m/s²].",
         "Headway is the time by which one follows another [s].",
+        "Verified: a second program saw the event on the finished tracks, at its time, and no other "
+        "crash; every word is seen, true of all scenes here, or of a kind that tracks cannot show. "
+        "The traffic is simulated: it did not happen, and people need not behave so.",
     ]
 
 
@@ -456,7 +459,7 @@ def _describe_sight(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
         for each in scene.proof.figures.get("first_visible", [])
     ]
     hidden = [each for each in scene.record.objects if each.height == "high"]
-    free = "Nothing stands between them: they can see one another all the time."
+    free = "No object stands between them all the time; blind spots of mirrors are not modelled."
     return [*_describe_events(scene, about), *(seen or ([] if hidden else [free]))]
 
 
@@ -465,6 +468,7 @@ def _describe_proof(scene: _SceneFacts, _about: list[AgentRecord]) -> list[str]:
         "A checker that shares no code with the generator found this on the finished tracks:",
         *_describe_closeness(scene, []),
         "Motion keeps to limits of acceleration and braking fitted to recorded traffic.",
+        "The traffic itself is simulated: it did not happen.",
     ]
 
 
