@@ -67,6 +67,23 @@ def test_nothing_is_planned_that_was_not_said(text: str, meant: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("first", "change", "meant"),
+    [
+        ("A car runs the red light at about 30 mph and hits a taxi",
+         "let the car come at 25 mph instead of 30", "The car drives at 11.2 m/s."),
+        ("A car goes at 30 km/h and hits a taxi", "have the car come 10 km/h slower",
+         "The car drives at 8.33 m/s."),
+        ("A lorry turning right hits a boy on a bike", "the cyclist should be a girl",
+         "The truck collides with the cyclist."),
+    ],
+)  # fmt: skip
+def test_a_change_is_read_as_it_is_meant(first: str, change: str, meant: str) -> None:
+    graph = plan(change, previous=first)
+    assert isinstance(graph, SocialGraph), graph
+    assert describe_graph(graph).endswith(meant)
+
+
+@pytest.mark.parametrize(
     ("words", "mended"),
     [
         ("a buss and a trcuk lfet", "a bus and a truck left"),

@@ -69,6 +69,9 @@ _AT = re.compile(r"\s+at\b", re.IGNORECASE)
 _NEAR = 26
 """Characters before and after a figure in which words belong to it."""
 
+_RELATIVE = re.compile(r"\d\D{1,12}\b(?:slower|faster|less|more)\b(?! than)", re.IGNORECASE)
+"""A figure that says how far from another one, which nothing here knows: "20 km/h slower"."""
+
 _TAIL = re.compile(r"[^,;.()]*$")
 _INTO = compile_words("asked_numbers.into")
 _LEFT = re.compile(r"from (?:the|its) left|left[- ]hand", re.IGNORECASE)
@@ -112,7 +115,8 @@ def read_number(
     kind = _find_kind(span, users, spans, after)
     about = [users[n] for n in (*span.subjects, *span.objects) if n in users]
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft, about)
-    if span.negated or kind is None or (kind == "line_distance" and _is_to_agent(span, spans)):
+    relative = _RELATIVE.search(f"{span.words}{after}".lstrip()[: len(span.words) + 8])
+    if span.negated or kind is None or relative or (kind == "line_distance" and _is_to_agent(span, spans)):
         return None
     found = parse_range(span.words, before, UNITS[kind].tolerance)
     if found is None:

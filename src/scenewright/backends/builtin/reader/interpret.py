@@ -903,13 +903,15 @@ def _edit(result: Interpretation, span: ReadSpan) -> None:
     else:
         kind = find_class(span.words)
         for agent in result.list_agents(span.subjects):
-            if kind not in (None, agent.type):
+            person = kind == "pedestrian" and not _ON_FOOT.search(span.words)
+            if kind not in (None, agent.type) and not (person and agent.rides):  # "a girl" rides
                 agent.type, agent.movement, agent.crosswalk = kind, None, None
             agent.subtype = find_subtype(span.words) if agent.type == "vehicle" else None
             agent.head = span.words
     result.enter(span, "agent", span.subjects, span.tag)
 
 
+_ON_FOOT = re.compile(r"\bped|\bfoot\b|\bwalk|\brunner|\bjogger", re.IGNORECASE)
 _STEPS: dict[str, dict[str | None, str]] = {
     "up": {None: "high", "low": "medium", "medium": "high", "high": "high"},
     "down": {None: "low", "low": "low", "medium": "low", "high": "medium"},
@@ -1073,12 +1075,17 @@ def _read_numbers(result: Interpretation) -> None:
             result.enter(span, "measure", value=_TOLD[kind].format(value))
         else:
             drafts, new = result.draft.measures, asked.measures
-            of = {(each.kind, each.agent, each.other) for each in new}
             if result.changing:  # they take the place of earlier ones of their kind
-                drafts[:] = [e for e in drafts if (e.kind, e.agent, e.other) not in of]
+                drafts[:] = [e for e in drafts if not any(_is_of_same(e, each) for each in new)]
             drafts += new
             result.entries.append(AccountEntry(span, "measure", span.subjects, measures=new))
     result.numbers = []
+
+
+def _is_of_same(first: MeasureDraft, second: MeasureDraft) -> bool:
+    """Whether two figures are of the same agents and kind; all speeds of an agent are of one."""
+    kinds = {each.kind.removeprefix("line_") for each in (first, second)}
+    return len(kinds) == 1 and (first.agent, first.other) == (second.agent, second.other)
 
 
 _SEVERE = ("impact", "pet", "ttc", "gap")
