@@ -33,6 +33,8 @@ def test_answers_hold_the_figures_of_the_proof(session: Session) -> None:
     assert shown is not None
     (event,) = shown.proof.events
     assert f"{event.evidence['pet']:.1f} s between them" in ask(session, "How close do they get?")
+    pet = ask(session, "what is the post-encroachment time?")
+    assert f"{event.evidence['pet']:.1f} s between them" in pet
     assert f"At {event.time:.1f} s vehicle-1 (car)" in ask(session, "what happens?")
     assert "Yes: it is a near miss" in ask(session, "is it dangerous?")
 

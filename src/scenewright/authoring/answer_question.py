@@ -70,6 +70,8 @@ def answer_question(
         topic: as the model of turns names it, such as `q_speed`; None: found by the words alone.
     """
     plain = " ".join(words.lower().rstrip(" ?.!").split())
+    if _PET.search(plain) and topic != "q_define":
+        topic = "q_close"
     scene = _SceneFacts(record, proof, intersection_map, plain)
     answer = _say("The scene has no answer to that.", TOPICS)
     if set(re.findall(r"[a-z]+", plain)) <= {*_NOUNS, "the", "and", "a"}:
@@ -150,7 +152,12 @@ def _describe_closeness(scene: _SceneFacts, about: list[AgentRecord]) -> list[st
                    if isinstance(event.evidence.get(key), float)]  # fmt: skip
         lines.append(_describe_event(scene, event))
         lines += [f"  {each}" for each in figures]
+    if _PET.search(scene.plain) and not any("pet" in each.evidence for each in scene.proof.events):
+        lines.append("None of them leaves a place that another comes to: there is no PET.")
     return [*lines, *_describe_distances(scene, about)] or _describe_events(scene, [])
+
+
+_PET = re.compile(r"\bpet\b|\bpost.?encroachment")
 
 
 def _describe_distances(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:

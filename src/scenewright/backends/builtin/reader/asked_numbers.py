@@ -116,7 +116,12 @@ def read_number(
     about = [users[n] for n in (*span.subjects, *span.objects) if n in users]
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft, about)
     relative = _RELATIVE.search(f"{span.words}{after}".lstrip()[: len(span.words) + 8])
-    if span.negated or kind is None or relative or (kind == "line_distance" and _is_to_agent(span, spans)):
+    if (
+        span.negated
+        or kind is None
+        or relative
+        or (kind == "line_distance" and _is_to_agent(span, spans))
+    ):
         return None
     found = parse_range(span.words, before, UNITS[kind].tolerance)
     if found is None:
