@@ -453,8 +453,8 @@ def define_terms() -> list[str]:
         "TTC is the time until they would touch if both went on as they do [s].",
         "DRAC is the braking that just avoids the collision [m/s²].",
         "Headway is the time by which one follows another [s].",
-        "Verified: a second program saw the event on the finished tracks, at its time, and no other "
-        "crash; every word is seen, true of all scenes here, or of a kind that tracks cannot show. "
+        "Verified: a second program saw the event on the finished tracks, at its time, and no "
+        "other crash; words are seen, true of all scenes here, or such as tracks cannot show. "
         "The traffic is simulated: it did not happen, and people need not behave so.",
     ]
 

@@ -69,7 +69,9 @@ _AT = re.compile(r"\s+at\b", re.IGNORECASE)
 _NEAR = 26
 """Characters before and after a figure in which words belong to it."""
 
-_RELATIVE = re.compile(r"\d\D{1,12}\b(?:slower|faster|less|more)\b(?! than)", re.IGNORECASE)
+_RELATIVE = re.compile(
+    r"^\D*\d[\d.,]*\D{1,12}\b(?:slower|faster|less|more)\b(?! than)", re.IGNORECASE
+)
 """A figure that says how far from another one, which nothing here knows: "20 km/h slower"."""
 
 _TAIL = re.compile(r"[^,;.()]*$")
@@ -115,13 +117,8 @@ def read_number(
     kind = _find_kind(span, users, spans, after)
     about = [users[n] for n in (*span.subjects, *span.objects) if n in users]
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft, about)
-    relative = _RELATIVE.search(f"{span.words}{after}".lstrip()[: len(span.words) + 8])
-    if (
-        span.negated
-        or kind is None
-        or relative
-        or (kind == "line_distance" and _is_to_agent(span, spans))
-    ):
+    elsewhere = _is_measured_elsewhere(span, spans)
+    if span.negated or kind is None or elsewhere or _RELATIVE.search(f"{span.words}{after}"):
         return None
     found = parse_range(span.words, before, UNITS[kind].tolerance)
     if found is None:
@@ -138,10 +135,10 @@ def read_number(
     return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
 
 
-def _is_to_agent(span: ReadSpan, spans: Sequence[ReadSpan]) -> bool:
+def _is_measured_elsewhere(span: ReadSpan, spans: Sequence[ReadSpan]) -> bool:
     """Whether a distance is one to the road user named right after it: "2 m from a cyclist"."""
     named = [s.start for s in spans if s.tag in ("ref", *MENTIONS)]
-    return any(0 <= start - span.end <= 1 for start in named)
+    return span.tag == "dist" and any(0 <= start - span.end <= 1 for start in named)
 
 
 def says_pace(span: ReadSpan) -> bool:
