@@ -650,6 +650,7 @@ class PointTest:
         points = {str(evidence.get(f"point_{end}") or "") for evidence, end in ends}
         shown = {part for each in points for part in each.split("_")}
         shown |= {str(evidence.get(f"side_{end}")) for evidence, end in ends}
+        shown |= {"side", "flank"} if shown & {"left", "right"} else set()
         on_left = facts.intersection_map is not None and facts.intersection_map.left_hand_traffic
         word = _CAR_SIDES[on_left].get(self.word, self.word)
         kinds = {

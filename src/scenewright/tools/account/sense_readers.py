@@ -468,6 +468,8 @@ def _read_tie(*sides: str) -> Reader:
             before = [i for i, m in enumerate(finder.mentions) if m.head < start]
             subjects = (*before[:-4:-1], *subjects)
         yield Claim("tie", "/".join(sides), (n,), subjects, tests.TieTest(subjects, sides))
+        if finder.tokens[n].text == "side":  # "is hit from the side"
+            yield Claim("point", "side", (n,), (), tests.PointTest("side", ()))
 
     return read
 
