@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from scenewright.backends import load_backend
+from scenewright.cli.main import main
 from scenewright.cli.plan import check_plan_file
 from scenewright.errors import InputError
 from scenewright.graph.run import plan_instruction
@@ -143,6 +145,65 @@ def test_a_mistake_is_named_by_line_and_field(tmp_path: Path, name: str) -> None
     assert line is None or f"line {line}" in said
     assert f"{field}:" in said
     assert help_ in said
+
+
+MANY = """\
+constraints: [1 + 1, vehicle-9.entry]
+agents:
+  - {id: vehicle-1, subtyp: car, entry: up, movement: left}
+  - {id: vehicle-2, subtype: [car, buss], entry: has a moat}
+  - {id: pedestrian-1, subtype: taxi, members: 30}
+relations:
+  - {type: colide_at, from: vehicle-1, to: vehicle-2, impact_speed: 30 knots}
+  - {type: near_miss, from: vehicle-1, too: pedestrian-1, target_pet: 3 .. 1 s}
+  - {type: near_miss, from: vehicle-1, to: pedestrian-7, impact_speed: 3}
+  - {type: near_miss, from: vehicle-1, to: vehicle-1}
+  - {type: near_miss, to: pedestrian-8, from: vehicle-1}
+measures:
+  - {kind: pace, agent: vehicle-1, value: 3 m/s}
+  - {kind: speed, agent: vehicle-4, value: fast}
+  - {kind: gap, agent: vehicle-1, value: 3 m}
+objects:
+  - {id: object-1, kind: parked, hides: pedestrian-1, hidden_from: vehicle-1}
+context: {time_of_day: "25:00", density: 3, background: {vehicles: -1}}
+extra: 3
+"""
+ALL = """\
+1 constraints[0], 1 constraints[1], 3 agents[0].entry, 3 agents[0].subtyp, 4 agents[1].subtype,
+4 agents[1].entry, 5 agents[2].members, 5 agents[2].subtype, 7 relations[0].type,
+7 relations[0].impact_speed, 8 relations[1].too, 8 relations[1].target_pet,
+9 relations[2].impact_speed, 9 relations[2].to, 10 relations[3].to, 11 relations[4].to,
+13 measures[0].kind, 14 measures[1].value, 14 measures[1].agent, 15 measures[2].other,
+18 context.density, 18 context.time_of_day, 18 context.background.vehicles, 19 extra"""
+
+
+def test_all_mistakes_come_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = write(tmp_path, MANY)
+    assert main(["plan", str(file)]) == 2
+    said = capsys.readouterr().err.splitlines()
+    # That an object's hiding needs a relation is not said, as one that is wrong may be that.
+    found = [re.fullmatch(rf"scenewright: {file}, line (\d+), (\S+): (.+)", line) for line in said]
+    assert sorted(f"{each[1]} {each[2]}" for each in found if each) == sorted(re.split(r",\s", ALL))
+    assert len(found) == len(said)
+
+
+def test_mistakes_of_yaml_come_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("entry: south", "subtype: bus").replace("from:", "from: a\n    from:")
+    with pytest.raises(InputError) as caught:
+        read_plan(write(tmp_path, text.replace("pedestrian-1", "!!set pedestrian-1")))
+    assert [re.search(r"line (\d+)", line)[1] for line in caught.value.lines] == [  # type: ignore[index]
+        "4", "5", "9", "10"]  # fmt: skip
+
+
+def test_agents_without_a_way_are_named_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("entry: south", "movement: crossing").replace(
+        "pedestrian-1\nrel", "pedestrian-1\n    movement: left\nrel"
+    )
+    with pytest.raises(InputError) as caught:
+        check_plan_file(str(write(tmp_path, text)), None)
+    assert [f"{each}:" in line for each, line in zip(
+        ("agents[0].movement", "agents[1].movement"), caught.value.lines, strict=True)] == [
+            True, True]  # fmt: skip
 
 
 NO_WAY = {

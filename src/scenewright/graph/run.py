@@ -273,18 +273,24 @@ def check_plan(given: PlanFile, *, intersection: str = DEFAULT_INTERSECTION) -> 
         ground_graph(given.plan, intersection_map=place)
     except Rejected as error:
         agents, what = error.rejection.agents, error.rejection.detail
-        path: tuple[str | int, ...] = ()
+        faults: dict[tuple[str | int, ...], str] = {}
         for n, node in enumerate(given.plan.agents):
-            if agents == (node.id,):
+            own = what if agents == (node.id,) else None
+            try:
+                ground_graph(SocialGraph(agents=(node,)), intersection_map=place)
+            except Rejected as alone:
+                own = alone.rejection.detail
+            if own is not None:
                 name, advice = _find_blocking_field(node, place)
-                path, what = ("agents", n, *name), what + advice
+                faults["agents", n, *name] = own + advice
+        path: tuple[str | int, ...] = ()
         for n, edge in enumerate(given.plan.relations):
             if set(agents) == {edge.from_, edge.to}:
                 path = ("relations", n)
         for n, each in enumerate(given.plan.objects):
             if what.startswith(f"{each.id}:"):
                 path = ("objects", n)
-        raise given.build_fault(path, what) from error
+        raise given.build_fault(faults or {path: what}) from error
 
 
 def _find_blocking_field(node: AgentNode, place: IntersectionMap) -> tuple[tuple[str, ...], str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
@@ -13,6 +13,7 @@ from scenewright.scene.base import (
     AgentId,
     Compass,
     FieldError,
+    FieldErrors,
     Model,
     Movement,
     is_left_out,
@@ -347,11 +348,11 @@ class SceneContext(Model):
     background: Background | None = Field(default=None, description="numbers of the others")
 
 
-def _check_unique(names: Sequence[str], where: str) -> None:
+def _check_unique(names: Sequence[str], where: str) -> Iterator[FieldError]:
     for n, name in enumerate(names):
         if name in names[:n]:
             message = f"{where.removesuffix('s')} ids must be unique; {name} is there twice"
-            raise FieldError(message, where, n, "id")
+            yield FieldError(message, where, n, "id")
 
 
 UNIT_OF = {
@@ -396,54 +397,56 @@ class SocialGraph(Model):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
+        if faults := [*self._list_faults(), *self._check_chains(), *self._check_objects()]:
+            raise FieldErrors(faults)
+        return self
+
+    def _list_faults(self) -> Iterator[FieldError]:
         ids = [agent.id for agent in self.agents]
-        _check_unique(ids, "agents")
+        yield from _check_unique(ids, "agents")
         known = ", ".join(ids) or "none"
         for n, edge in enumerate(self.relations):
             for field, name in (("from", edge.from_), ("to", edge.to)):
                 if name not in ids:
                     message = f"{edge.type}: {name} is not among the agents, {known}"
-                    raise FieldError(message, "relations", n, field)
-        self._check_chains()
+                    yield FieldError(message, "relations", n, field)
         for n, tie in enumerate(self.ties):
             for field, name in (("agent", tie.agent), ("of", tie.of)):
                 if name not in ids:
                     message = f"a tie of entries names {name}; the agents are {known}"
-                    raise FieldError(message, "ties", n, field)
-        self._check_objects()
+                    yield FieldError(message, "ties", n, field)
         for n, each in enumerate(self.measures):
             for field, asked in (("agent", each.agent), ("other", each.other)):
                 if asked not in (None, *ids):
                     message = f"{each.kind} is asked of {asked}; the agents are {known}"
-                    raise FieldError(message, "measures", n, field)
-        return self
+                    yield FieldError(message, "measures", n, field)
 
-    def _check_chains(self) -> None:
+    def _check_chains(self) -> Iterator[FieldError]:
         """Check that who is pushed into another vehicle is struck by a third."""
         struck = {edge.to for edge in self.relations if edge.type == "collide_at"}
         for n, edge in enumerate(self.relations):
             if edge.is_pushed and edge.from_ not in struck:
                 message = f"{edge.from_} is pushed into {edge.to}, but no agent strikes it"
-                raise FieldError(message, "relations", n, "manoeuvre")
+                yield FieldError(message, "relations", n, "manoeuvre")
 
-    def _check_objects(self) -> None:
-        _check_unique([each.id for each in self.objects], "objects")
+    def _check_objects(self) -> Iterator[FieldError]:
+        yield from _check_unique([each.id for each in self.objects], "objects")
         bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
         hiding = {each.id for each in self.objects if each.hides is not None}
         for n, each in enumerate(self.objects):
             at, hides = ("objects", n), each.hides
             if each.beyond is not None and each.beyond not in hiding - {each.id}:
                 message = f"{each.id} is beyond {each.beyond}, which hides no agent"
-                raise FieldError(message, *at, "beyond")
+                yield FieldError(message, *at, "beyond")
             if hides is not None and frozenset((hides, each.hidden_from)) not in bound:
                 who = f"{each.id} hides {hides} from {each.hidden_from}"
-                raise FieldError(f"{who}, but no relation binds the two", *at, "hides")
+                yield FieldError(f"{who}, but no relation binds the two", *at, "hides")
             if hides is not None and hides.startswith("vehicle"):
                 message = f"{each.id} can hide a pedestrian or rider, not {hides}"
-                raise FieldError(message, *at, "hides")
-        self._check_encounters()
+                yield FieldError(message, *at, "hides")
+        yield from self._check_encounters()
 
-    def _check_encounters(self) -> None:
+    def _check_encounters(self) -> Iterator[FieldError]:
         """Check that agents meeting an object exist, meet one only, and pass it only on the way
         to another relation."""
         met = [
@@ -455,11 +458,11 @@ class SocialGraph(Model):
         ids = {agent.id for agent in self.agents}
         for at, own, each in met:
             if each.agent not in ids:
-                raise FieldError(f"{own.id} is met by {each.agent}, which is not in the scene", *at)
+                yield FieldError(f"{own.id} is met by {each.agent}, which is not in the scene", *at)
             if sum(other.agent == each.agent for *_, other in met) > 1:
-                raise FieldError(f"{each.agent} can meet one object only", *at)
+                yield FieldError(f"{each.agent} can meet one object only", *at)
             if not has_trait("encounter", each.encounter, "drives_on") and each.agent in busy:
-                raise FieldError(f"{each.agent} stops at {own.id}, so no relation can bind it", *at)
+                yield FieldError(f"{each.agent} stops at {own.id}, so no relation can bind it", *at)
 
     def agent(self, agent_id: str) -> AgentNode:
         """The vertex with this id; KeyError if there is none."""

@@ -137,7 +137,8 @@ def load_places(plan: LogicalPlan, place: str) -> dict[str, IntersectionMap]:
     try:
         return {name: load_map(name) for name in names}
     except InputError as error:
-        raise plan.build_fault(("intersections",), str(error)) if plan.places else error from error
+        own = plan.build_fault({("intersections",): str(error)}) if plan.places else error
+        raise own from error
 
 
 def _draw_values(
