@@ -206,6 +206,66 @@ def test_agents_without_a_way_are_named_at_once(tmp_path: Path) -> None:
             True, True]  # fmt: skip
 
 
+FIGURES = """\
+agents:
+  - {id: vehicle-1}
+  - {id: vehicle-2}
+  - {id: cyclist-1}
+  - {id: pedestrian-1}
+relations:
+  - {type: collide_at, from: vehicle-1, to: vehicle-2, impact_speed: 12 m/s}
+  - {type: near_miss, from: vehicle-1, to: cyclist-1}
+  - {type: near_miss, manoeuvre: lead_brakes, from: cyclist-1, to: vehicle-2}
+measures:
+  - {kind: speed, agent: vehicle-1, value: 3 m/s}
+  - {kind: speed, agent: cyclist-1, value: 14 m/s}
+  - {kind: speed, agent: pedestrian-1, value: 4.4 m/s}
+  - {kind: gap, agent: vehicle-1, other: vehicle-2, value: 59 m}
+  - {kind: headway, agent: vehicle-1, other: vehicle-2, value: 0.6 s}
+  - {kind: braking, agent: vehicle-2, value: 1 m/s2}
+"""
+
+
+def test_figures_that_exclude_one_another_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        read_plan(write(tmp_path, FIGURES))
+    said = [line.removeprefix(f"{tmp_path / 'scene.yaml'}, line ") for line in caught.value.lines]
+    assert said == [
+        # 3.5 m/s kept at most, and 4 m/s2 for less than the second that would keep it
+        "7, relations[0].impact_speed: vehicle-1 keeps 3.5 m/s at most, and gains 5 m/s in the "
+        "last second",
+        "12, measures[1].value: speed of a cyclist is 0.3 to 9 m/s",
+        # 20 m/s times 0.75 s
+        "14, measures[3].value: a headway of 0.45 to 0.75 s is a gap of 0.45 to 15 m",
+        "16, measures[5].value: who lead_brakes brakes at 4.5 m/s2 or more",
+    ]
+    near = FIGURES.replace("12 m/s}", "8 m/s}").replace("14 m/s", "9.4 m/s")
+    near = near.replace("59 m", "15 m").replace("1 m/s2", "4 m/s2")
+    assert len(read_plan(write(tmp_path, near)).plan.measures) == 6
+
+
+def test_a_plan_shows_what_it_leaves_open(tmp_path: Path) -> None:
+    open_ = GOOD.replace("30 km/h", "18 .. 36 km/h").replace("subtype: car", "subtype: [car, bus]")
+    open_ = open_.replace("entry: south", "entry: has parking").replace("08:00", "16:30-18:30")
+    shown = check_plan_file(str(write(tmp_path, open_)), None)
+    assert shown["summary"].startswith("For example: ")
+    assert shown["summary"].endswith(
+        " Left open: agents[0].subtype: car or bus; agents[0].entry: has parking; "
+        "relations[0].impact_speed: 18 .. 36 km/h; context.time_of_day: 16:30-18:30."
+    )
+    fixed = check_plan_file(str(write(tmp_path, GOOD)), None)["summary"]
+    assert "Left open" not in fixed
+    assert "For example" not in fixed
+
+
+def test_a_span_of_time_is_one_plan_and_many_points(tmp_path: Path) -> None:
+    file = write(tmp_path, GOOD.replace("08:00", "22:00-02:00"))
+    assert read_plan(file).plan.context.time_of_day == "22:00-02:00"
+    spread = read_logical_plan(file).spreads["context", "time_of_day"]
+    drawn = [spread.compute_value(share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    assert drawn == ["22:00", "23:00", "00:00", "01:00", "02:00"]
+
+
 NO_WAY = {
     "movement": ("entry: south", "movement: crossing", 4, "agents[0].movement", "with straight"),
     "crosswalk": ("entry: south", "crosswalk: south", 4, "agents[0].crosswalk", "leave it out"),

@@ -325,7 +325,7 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     from scenewright.dataset.batch.sweep import load_places
     from scenewright.graph.run import DEFAULT_INTERSECTION, check_plan
     from scenewright.scene.phrasing import describe_graph
-    from scenewright.scene.plan_file import format_path, read_logical_plan
+    from scenewright.scene.plan_file import read_logical_plan
 
     logical, place = read_logical_plan(path), intersection or DEFAULT_INTERSECTION
     places = load_places(logical, place)
@@ -344,11 +344,14 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
             faults.append(error)
     else:
         raise faults[0]
-    open_ = [format_path(at) for at in placed.spreads]
-    left = f" Left open: {', '.join(open_)}." if open_ else ""
+    open_ = logical.describe_open()
+    words = describe_graph(given.plan)
+    if open_:
+        left = "; ".join(f"{name}: {what}" for name, what in open_.items())
+        words = f"For example: {words} Left open: {left}."
     return {
         "file": path,
-        "summary": describe_graph(given.plan) + left,
+        "summary": words,
         "as_read": given.as_read,
         "open": open_,
     }

@@ -137,6 +137,17 @@ class LogicalPlan:
         ordered = {path: spreads[path] for path in sorted(spreads, key=self.get_line)}
         return replace(self, spreads=ordered, legs={})
 
+    def describe_open(self) -> dict[str, str]:
+        """What each field that is left open may be, as the file has it, by the field's name."""
+        told = {}
+        for path in sorted({**self.spreads, **self.legs}, key=self.get_line):
+            value: Any = self.data
+            for step in path:
+                value = value[step]
+            some = value if isinstance(value, list) else [value]
+            told[format_path(path)] = " or ".join(map(str, some))
+        return told
+
     def get_line(self, path: Path_) -> int:
         """The line of a field; 0 where the plan is no file."""
         return self.lines.get(path, 0)
@@ -775,8 +786,9 @@ def build_plan_schema() -> dict[str, Any]:
                 kept = {key: own.pop(key) for key in ("description", "unit") if key in own}
                 model["properties"][name] = {**kept, "anyOf": [own, open_, choices]}
             elif name in ("lead", "figure"):
+                kept = {key: own[key] for key in ("description", "unit") if key in own}
                 ends = {"type": "array", "items": {"type": ["number", "string"]}}
-                model["properties"][name] = {"description": own["description"], **ends}
+                model["properties"][name] = {**kept, **ends}
             elif "const" not in own and "array" not in types and name not in ("id", "background"):
                 kept = {key: own.pop(key) for key in ("description",) if key in own}
                 also = [{"type": "string", "pattern": "^has "}] if name in LEG_FIELDS else []

@@ -26,7 +26,7 @@ from scenewright.scene.kinds import (
     has_trait,
     list_shipped,
 )
-from scenewright.scene.measures import Measure
+from scenewright.scene.measures import UNITS, Measure, find_excess
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
 CollisionKind = Annotated[str, KindOf("collision")]
@@ -57,6 +57,9 @@ MOST_AGENTS, MOST_RELATIONS, MOST_OBJECTS = 12, 12, 6
 """Named agents, relations between them, and standing objects that one graph holds."""
 
 
+GAINED, HARD, DRIVES = 5.0, 4.5, 1.0
+"""Most that a vehicle's speed grows in a second [m/s]; least braking of who brakes hard [m/s^2];
+slowest of who keeps a headway [m/s] (SEMANTICS 5 and 8, and what figures may be off)."""
 MOST_BACKGROUND = 60
 """Background agents of a class that a request may ask for."""
 
@@ -397,7 +400,8 @@ class SocialGraph(Model):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
-        if faults := [*self._list_faults(), *self._check_chains(), *self._check_objects()]:
+        checks = self._list_faults, self._check_chains, self._check_objects, self._check_figures
+        if faults := [fault for check in checks for fault in check()]:
             raise FieldErrors(faults)
         return self
 
@@ -420,6 +424,8 @@ class SocialGraph(Model):
                 if asked not in (None, *ids):
                     message = f"{each.kind} is asked of {asked}; the agents are {known}"
                     yield FieldError(message, "measures", n, field)
+            if fault := find_excess(each):
+                yield FieldError(str(fault), "measures", n, *fault.at)
 
     def _check_chains(self) -> Iterator[FieldError]:
         """Check that who is pushed into another vehicle is struck by a third."""
@@ -445,6 +451,33 @@ class SocialGraph(Model):
                 message = f"{each.id} can hide a pedestrian or rider, not {hides}"
                 yield FieldError(message, *at, "hides")
         yield from self._check_encounters()
+
+    def _check_figures(self) -> Iterator[FieldError]:
+        """Figures that exclude one another wherever and however the agents move."""
+        asked = {(each.kind, each.agent, each.other): each for each in self.measures}
+        for n, edge in enumerate(self.relations):
+            kept = asked.get(("speed", edge.from_, None))
+            if edge.impact_speed and kept and edge.impact_speed > kept.high + GAINED:
+                message = f"{edge.from_} keeps {kept.high:g} m/s at most, and gains {GAINED:g} m/s"
+                yield FieldError(f"{message} in the last second", "relations", n, "impact_speed")
+            brakes = asked.get(("braking", edge.to, None))
+            if (
+                has_trait("manoeuvre", edge.manoeuvre, "by_to")
+                and brakes
+                and brakes.high < HARD - 0.5
+            ):
+                at = "measures", self.measures.index(brakes), "high"
+                yield FieldError(f"who {edge.manoeuvre} brakes at {HARD:g} m/s2 or more", *at)
+        for n, gap in enumerate(self.measures):
+            headway = asked.get(("headway", gap.agent, gap.other))
+            if gap.kind != "gap" or headway is None:
+                continue
+            least, most = DRIVES * headway.low, UNITS["speed"].most * headway.high
+            if gap.high < least or gap.low > most:
+                of = f"a headway of {headway.low:g} to {headway.high:g} s"
+                yield FieldError(
+                    f"{of} is a gap of {least:.3g} to {most:.3g} m", "measures", n, "high"
+                )
 
     def _check_encounters(self) -> Iterator[FieldError]:
         """Check that agents meeting an object exist, meet one only, and pass it only on the way

@@ -35,6 +35,7 @@ from scenewright.intersections import list_intersections, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_file import LogicalPlan, format_path
+from scenewright.scene.rejection import SEARCHED
 from scenewright.scene.spread import Spread
 
 Sampling = Literal["grid", "lhs", "sobol", "boundary"]
@@ -46,6 +47,7 @@ MOST_TRIES = 64
 BINS = 10
 """Into which the values of a number are divided, to see which of them were measured."""
 _FIELD = re.compile(r"(agents|relations|measures|context)(?:\[(\d+)\])?\.(\w+)")
+_TIME = re.compile(r"\d\d:\d\d")
 _EVIDENCE = {"target_pet": "pet", "target_ttc": "path_ttc", "impact_speed": "relative_speed"}
 """Field of a relation -> what the checker measures of it."""
 
@@ -205,7 +207,11 @@ def run_sweep(
 
 
 def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) -> str:
-    """The table: each point's values, what became of it, and how many run a red light unasked."""
+    """The table: each point's values, what became of it, and how many run a red light unasked.
+
+    A point is infeasible where its values are no plan, or no seed could make a scene of it; where
+    seeds were tried in vain it is not found.
+    """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     paths = sorted({**plan.spreads, **plan.legs}, key=plan.get_line)
@@ -222,8 +228,9 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
                 number += 1
                 status, code, reason = "left", "", ""
                 if entry is not None:
-                    status = "infeasible" if entry.status == "refused" else entry.status
-                    code, reason = entry.code or "", entry.reason or ""
+                    status, code, reason = entry.status, entry.code or "", entry.reason or ""
+                    if status == "refused":
+                        status = "not_found" if code in SEARCHED else "infeasible"
                 if entry is not None and status == "made":
                     proof = read_proof(request.out / entry.folder / "proof.json")
                     folder, lights = f"{SCENES}/{entry.folder}", str(proof.unasked_red_lights)
@@ -254,6 +261,9 @@ def measure_sweep(folder: Path) -> list[Covered]:
     for name in fields:
         tried = [row for row in rows if row[name] != ""]  # a place without such a leg has none
         points: list[Any] = [row[name] for row in tried]
+        if len(set(points)) > BINS and all(map(_TIME.fullmatch, points)):
+            points = [f"{time[:2]}:00" for time in points]
+            measured = [each | {name: f"{each[name][:2]}:00"} for each in measured]
         try:
             points = list(map(float, points))
         except ValueError:
