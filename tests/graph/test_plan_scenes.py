@@ -349,7 +349,10 @@ def test_any_place_is_the_shipped_one_where_nobody_has_made_another(
     from scenewright.dataset.batch.sweep import load_places
     from scenewright.scene.plan_file import read_logical_plan
 
-    monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "none" / "yet"))
+    for name in ("SCENEWRIGHT_INTERSECTIONS", "SCENEWRIGHT_DATA"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("HOME", "XDG_DATA_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / "fresh"))
     plan = tmp_path / "plan.yaml"
     plan.write_text(PLACES, encoding="utf-8")
     assert list(load_places(read_logical_plan(plan), "amsterdam_120")) == ["amsterdam_120"]
