@@ -48,7 +48,7 @@ BINS = 10
 """Into which the values of a number are divided, to see which of them were measured."""
 _FIELD = re.compile(r"(agents|relations|measures|context)(?:\[(\d+)\])?\.(\w+)")
 _TIME = re.compile(r"\d\d:\d\d")
-_EVIDENCE = {"target_pet": "pet", "target_ttc": "path_ttc", "impact_speed": "relative_speed"}
+_EVIDENCE = {"target_pet": "pet", "target_ttc": "path_ttc"}
 """Field of a relation -> what the checker measures of it."""
 
 
@@ -303,5 +303,9 @@ def _measure_field(found: re.Match[str], scene: Mapping[str, Any], proof: Mappin
     for event in proof["events"]:
         same = {event["from"], event["to"]} == {asked["from"], asked["to"]}
         if same and event["type"] == asked["type"]:
-            return (event | event["evidence"]).get(_EVIDENCE.get(key, key))
+            # As the checker has it: of who strikes a pedestrian, else of the relation's `from`.
+            own = event["kind"] == "pedestrian_strike" or asked["from"] == event["from"]
+            impact = event["evidence"].get("speed_from" if own else "speed_to")
+            measured = event | event["evidence"] | {"impact_speed": impact}
+            return measured.get(_EVIDENCE.get(key, key))
     return None
