@@ -218,3 +218,10 @@ def test_the_impact_speed_of_a_sweep_is_that_of_who_was_asked(
     event = {"from": 1, "to": 2, "type": "collision", "kind": kind, "evidence": evidence}
     assert found is not None
     assert _measure_field(found, {"relations": [asked]}, {"events": [event]}) == speed
+
+
+def test_a_closing_speed_is_measured_and_cannot_be_asked_for() -> None:
+    """No field of a plan asks for it: an impact speed is of one of the two."""
+    rows, left = build_fill([count_bins([], [build_bins("closing_speed", (2, 4, 6))])], [])
+    assert rows == []
+    assert [line.split(" ", 1)[0] for line in left] == ["closing_speed"] * 2

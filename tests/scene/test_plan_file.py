@@ -232,11 +232,12 @@ def test_figures_that_exclude_one_another_are_named(tmp_path: Path) -> None:
     said = [line.removeprefix(f"{tmp_path / 'scene.yaml'}, line ") for line in caught.value.lines]
     assert said == [
         # 3.5 m/s kept at most, and 4 m/s2 for less than the second that would keep it
-        "7, relations[0].impact_speed: vehicle-1 keeps 3.5 m/s at most, and gains 5 m/s in the "
-        "last second",
+        "7, relations[0].impact_speed: vehicle-1 keeps 3.5 m/s at most and gains 5 m/s in the "
+        "last second, so it cannot strike at 12 m/s",
         "12, measures[1].value: speed of a cyclist is 0.3 to 9 m/s",
         # 20 m/s times 0.75 s
-        "14, measures[3].value: a headway of 0.45 to 0.75 s is a gap of 0.45 to 15 m",
+        "14, measures[3].value: a headway of 0.45 to 0.75 s is a gap of 0.45 to 15 m, "
+        "not of 58.7 to 59.3 m",
         "16, measures[5].value: who lead_brakes brakes at 4.5 m/s2 or more",
     ]
     near = FIGURES.replace("12 m/s}", "8 m/s}").replace("14 m/s", "9.4 m/s")

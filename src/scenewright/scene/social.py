@@ -458,8 +458,11 @@ class SocialGraph(Model):
         for n, edge in enumerate(self.relations):
             kept = asked.get(("speed", edge.from_, None))
             if edge.impact_speed and kept and edge.impact_speed > kept.high + GAINED:
-                message = f"{edge.from_} keeps {kept.high:g} m/s at most, and gains {GAINED:g} m/s"
-                yield FieldError(f"{message} in the last second", "relations", n, "impact_speed")
+                message = f"{edge.from_} keeps {kept.high:.3g} m/s at most and gains {GAINED:g} m/s"
+                message += (
+                    f" in the last second, so it cannot strike at {edge.impact_speed:.3g} m/s"
+                )
+                yield FieldError(message, "relations", n, "impact_speed")
             brakes = asked.get(("braking", edge.to, None))
             if (
                 has_trait("manoeuvre", edge.manoeuvre, "by_to")
@@ -474,10 +477,9 @@ class SocialGraph(Model):
                 continue
             least, most = DRIVES * headway.low, UNITS["speed"].most * headway.high
             if gap.high < least or gap.low > most:
-                of = f"a headway of {headway.low:g} to {headway.high:g} s"
-                yield FieldError(
-                    f"{of} is a gap of {least:.3g} to {most:.3g} m", "measures", n, "high"
-                )
+                message = f"a headway of {headway.low:.3g} to {headway.high:.3g} s is a gap of "
+                message += f"{least:.3g} to {most:.3g} m, not of {gap.low:.3g} to {gap.high:.3g} m"
+                yield FieldError(message, "measures", n, "high")
 
     def _check_encounters(self) -> Iterator[FieldError]:
         """Check that agents meeting an object exist, meet one only, and pass it only on the way
