@@ -9,7 +9,6 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -306,13 +305,15 @@ _POINTS = 16
 """Points tried of what a plan leaves open, before it counts as impossible."""
 
 
-def _draw_points(logical: LogicalPlan, place: str) -> Iterator[Mapping[Any, Any]]:
-    """Values of points of what a plan leaves open; drawn once the first of them is asked for."""
+def _draw_points(logical: LogicalPlan, placed: LogicalPlan, place: str) -> Iterator[Any]:
+    """The middle of what a plan leaves open, then, where that is asked for, other points of it."""
     from scenewright.dataset.batch.sweep import build_points
 
-    here = replace(logical, places=(place,))
-    drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
-    yield from (each.values for each in drawn)
+    yield {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
+    if placed.spreads:
+        here = replace(logical, places=(place,))
+        drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
+        yield from (each.values for each in drawn)
 
 
 def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
@@ -331,9 +332,8 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     places = load_places(logical, place)
     place = place if place in places else next(iter(places))
     placed = logical.place_at(places[place])
-    middle = {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
     faults: list[InputError] = []
-    for values in chain([middle], _draw_points(logical, place) if middle else ()):
+    for values in _draw_points(logical, placed, place):
         try:
             if (broken := placed.find_broken(values)) is not None:
                 raise broken
@@ -349,12 +349,7 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     if open_:
         left = "; ".join(f"{name}: {what}" for name, what in open_.items())
         words = f"For example: {words} Left open: {left}."
-    return {
-        "file": path,
-        "summary": words,
-        "as_read": given.as_read,
-        "open": open_,
-    }
+    return {"file": path, "summary": words, "as_read": given.as_read, "open": open_}
 
 
 def write_rows(path: str, rows: list[dict[str, Any]]) -> None:

@@ -47,7 +47,7 @@ from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.kinds import list_values
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_fields import word_plan
-from scenewright.scene.plan_file import PlanFile
+from scenewright.scene.plan_file import PlanFault, PlanFile
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, Stage
 from scenewright.scene.relations import get_pattern
@@ -283,14 +283,13 @@ def check_plan(given: PlanFile, *, intersection: str = DEFAULT_INTERSECTION) -> 
             if own is not None:
                 name, advice = _find_blocking_field(node, place)
                 faults["agents", n, *name] = own + advice
-        path: tuple[str | int, ...] = ()
-        for n, edge in enumerate(given.plan.relations):
-            if set(agents) == {edge.from_, edge.to}:
-                path = ("relations", n)
-        for n, each in enumerate(given.plan.objects):
-            if what.startswith(f"{each.id}:"):
-                path = ("objects", n)
-        raise given.build_fault(faults or {path: what}) from error
+        entries = [
+            *(("objects", n) for n, each in enumerate(given.plan.objects)
+              if what.startswith(f"{each.id}:")),
+            *(("relations", n) for n, edge in enumerate(given.plan.relations)
+              if set(agents) == {edge.from_, edge.to}),
+        ]  # fmt: skip
+        raise PlanFault(given.name, given.lines, faults or {(*entries, ())[0]: what}) from error
 
 
 def _find_blocking_field(node: AgentNode, place: IntersectionMap) -> tuple[tuple[str, ...], str]:

@@ -94,10 +94,6 @@ class PlanFile:
     name: str = field(default="plan", compare=False)
     lines: Mapping[Path_, int] = field(default_factory=dict, compare=False)
 
-    def build_fault(self, faults: Mapping[Path_, str]) -> PlanFault:
-        """The error of fields, with what is wrong by the path of each."""
-        return PlanFault(self.name, self.lines, faults)
-
 
 @dataclass(frozen=True)
 class LogicalPlan:
@@ -131,7 +127,7 @@ class LogicalPlan:
             if not legs
         }
         if none:
-            raise self.build_fault(none)
+            raise PlanFault(self.name, self.lines, none)
         # In the order of the file, so that a predicate in place of a list changes no point.
         spreads = {**{at: Spread("list", legs) for at, legs in found.items()}, **self.spreads}
         ordered = {path: spreads[path] for path in sorted(spreads, key=self.get_line)}
@@ -152,10 +148,6 @@ class LogicalPlan:
         """The line of a field; 0 where the plan is no file."""
         return self.lines.get(path, 0)
 
-    def build_fault(self, faults: Mapping[Path_, str]) -> PlanFault:
-        """The error of fields, with what is wrong by the path of each."""
-        return PlanFault(self.name, self.lines, faults)
-
     def format_osc_dsl(self) -> str:
         """The plan in OpenSCENARIO DSL, which `read_logical_plan` reads back."""
         return write_osc_dsl(
@@ -173,9 +165,11 @@ class LogicalPlan:
         for n, each in enumerate(self.constraints):
             try:
                 if not each.holds(data):
-                    return self.build_fault({("constraints", n): f"{each.text} does not hold"})
+                    return PlanFault(
+                        self.name, self.lines, {("constraints", n): f"{each.text} does not hold"}
+                    )
             except ValueError as error:
-                raise self.build_fault({("constraints", n): str(error)}) from error
+                raise PlanFault(self.name, self.lines, {("constraints", n): str(error)}) from error
         return None
 
     def settle(self, values: Mapping[Path_, Any]) -> PlanFile:
@@ -239,7 +233,7 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
     faults |= _read_values(plan, data, ())
     faults = _check_choices(plan, known=faults.keys()) | faults
     if faults:
-        raise plan.build_fault(faults)
+        raise PlanFault(name, lines, faults)
     return plan
 
 
@@ -262,7 +256,12 @@ def _check_choices(plan: LogicalPlan, known: Set[Path_]) -> dict[Path_, str]:
         always: dict[Path_, str] | None = None
         for chosen in islice(product(*others.values()), MOST_CHOICES):
             values = {**base, **dict(zip(others, chosen, strict=True))}
-            own = _find_faults(plan, values if at is None else {**values, at: word}, known)
+            values |= {} if at is None else {at: word}
+            try:
+                _build_plan(plan.settle_data(values), plan.name, plan.lines, known)
+                own: dict[Path_, str] = {}
+            except PlanFault as error:
+                own = error.faults
             kept = own.keys() if at is None else own.keys() & {at}
             always = {key: own[key] for key in kept if always is None or key in always}
             if not always:
@@ -271,16 +270,6 @@ def _check_choices(plan: LogicalPlan, known: Set[Path_]) -> dict[Path_, str]:
             if key == at or not {key, (*key[:2], "value")} & plan.spreads.keys():
                 found.setdefault(key, what)
     return found
-
-
-def _find_faults(
-    plan: LogicalPlan, values: Mapping[Path_, Any], known: Set[Path_]
-) -> dict[Path_, str]:
-    try:
-        _build_plan(plan.settle_data(values), plan.name, plan.lines, known)
-    except PlanFault as error:
-        return error.faults
-    return {}
 
 
 def _is_name(value: object) -> bool:
@@ -300,7 +289,7 @@ def read_plan(source: str | Path | Mapping[str, Any]) -> PlanFile:
     if logical.places:
         left["intersections",] = "is read by `scenewright sweep`; others have --intersection"
     if left:
-        raise logical.build_fault(left)
+        raise PlanFault(logical.name, logical.lines, left)
     if (broken := logical.find_broken({})) is not None:
         raise broken
     return logical.settle({})

@@ -34,7 +34,7 @@ from scenewright.graph.written_proof import read_proof
 from scenewright.intersections import list_intersections, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.plan_file import LogicalPlan, format_path
+from scenewright.scene.plan_file import LogicalPlan, PlanFault, format_path
 from scenewright.scene.rejection import SEARCHED
 from scenewright.scene.spread import Spread
 
@@ -123,7 +123,7 @@ def build_points(
             try:
                 placed.settle(values)
             except InputError as error:
-                point = replace(point, fault=str(error))
+                point = replace(point, fault="; ".join(error.lines))
             found.append(point)
     return found
 
@@ -139,8 +139,9 @@ def load_places(plan: LogicalPlan, place: str) -> dict[str, IntersectionMap]:
     try:
         return {name: load_map(name) for name in names}
     except InputError as error:
-        own = plan.build_fault({("intersections",): str(error)}) if plan.places else error
-        raise own from error
+        if not plan.places:
+            raise
+        raise PlanFault(plan.name, plan.lines, {("intersections",): str(error)}) from error
 
 
 def _draw_values(
@@ -222,19 +223,17 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
     with Journal(request.out, name=None, header=header) as journal:
         number = 0
         for each in points:
-            status, code, reason, folder, lights = "infeasible", "no_plan", each.fault, "", ""
+            end = ["infeasible", "no_plan", each.fault, "", ""]
             if each.fault is None:
-                entry = journal.get_entry(number)
-                number += 1
-                status, code, reason = "left", "", ""
+                entry, number = journal.get_entry(number), number + 1
+                end = ["left", "", "", "", ""]
                 if entry is not None:
-                    status, code, reason = entry.status, entry.code or "", entry.reason or ""
-                    if status == "refused":
-                        status = "not_found" if code in SEARCHED else "infeasible"
-                if entry is not None and status == "made":
-                    proof = read_proof(request.out / entry.folder / "proof.json")
-                    folder, lights = f"{SCENES}/{entry.folder}", str(proof.unasked_red_lights)
-            end = (status, code, reason, folder, lights)
+                    end[:3] = entry.status, entry.code, entry.reason
+                    if entry.status == "refused":
+                        end[0] = "not_found" if entry.code in SEARCHED else "infeasible"
+                    elif entry.status == "made":
+                        proof = read_proof(request.out / entry.folder / "proof.json")
+                        end[3:] = f"{SCENES}/{entry.folder}", str(proof.unasked_red_lights)
             values = [each.values.get(path, "") for path in paths]
             table.writerow([each.name, *([each.place] if place else []), *values, *end])
     return text.getvalue()

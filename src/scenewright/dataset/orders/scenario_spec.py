@@ -125,7 +125,7 @@ def _list_meetings(
     """Every pair of ways on the map that the pattern's two can take."""
     if pattern.zone == "sidewalk":
         return [(Party("pedestrian", "crossing"), Party("pedestrian", "crossing", tie="corner"))]
-    met = list_meetings(pattern, intersection_map=intersection_map)
+    met = list_meetings(pattern, intersection_map)
     return list(dict.fromkeys((_make_party(one), _make_party(other)) for one, other in met))
 
 

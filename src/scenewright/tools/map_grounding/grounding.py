@@ -187,9 +187,7 @@ def may_run_unasked(
     )
 
 
-def list_meetings(
-    pattern: Pattern, *, intersection_map: IntersectionMap
-) -> list[tuple[Route, Route]]:
+def list_meetings(pattern: Pattern, intersection_map: IntersectionMap) -> list[tuple[Route, Route]]:
     """Every pair of routes of a map on which a pattern can be played."""
     mirrored = _is_mirrored(pattern, intersection_map)
     routes = (*intersection_map.routes, *map(make_route, intersection_map.uturns))
@@ -202,7 +200,7 @@ def can_be_lawful(pattern: Pattern, *, intersection_map: IntersectionMap) -> boo
     """Whether a pattern has routes on a map on which nobody has to run a red light."""
     return pattern.violator is None or any(
         share_green(a, b, intersection_map=intersection_map)
-        for a, b in list_meetings(pattern, intersection_map=intersection_map)
+        for a, b in list_meetings(pattern, intersection_map)
     )
 
 
