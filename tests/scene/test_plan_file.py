@@ -243,6 +243,15 @@ def test_figures_that_exclude_one_another_are_named(tmp_path: Path) -> None:
     near = FIGURES.replace("12 m/s}", "8 m/s}").replace("14 m/s", "9.4 m/s")
     near = near.replace("59 m", "15 m").replace("1 m/s2", "4 m/s2")
     assert len(read_plan(write(tmp_path, near)).plan.measures) == 6
+    # The speed of an impact with a pedestrian is the vehicle's, whoever runs into the other.
+    walks = "{kind: speed, agent: pedestrian-1, value: 1 m/s}"
+    good = GOOD.replace(
+        "from: vehicle-1\n    to: pedestrian-1", "from: pedestrian-1\n    to: vehicle-1"
+    )
+    assert good != GOOD
+    assert read_plan(write(tmp_path, f"measures: [{walks}]\n{good}")).plan.measures
+    with pytest.raises(InputError, match=r"vehicle-1 keeps 1\.5 m/s at most"):
+        read_plan(write(tmp_path, f"measures: [{walks.replace('pedestrian', 'vehicle')}]\n{good}"))
 
 
 def test_a_plan_shows_what_it_leaves_open(tmp_path: Path) -> None:

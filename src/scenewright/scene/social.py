@@ -456,9 +456,11 @@ class SocialGraph(Model):
         """Figures that exclude one another wherever and however the agents move."""
         asked = {(each.kind, each.agent, each.other): each for each in self.measures}
         for n, edge in enumerate(self.relations):
-            kept = asked.get(("speed", edge.from_, None))
+            # Of two of which one is a pedestrian, the other one's speed is that of the impact.
+            striker = edge.to if edge.from_.startswith("pedestrian") else edge.from_
+            kept = asked.get(("speed", striker, None))
             if edge.impact_speed and kept and edge.impact_speed > kept.high + GAINED:
-                message = f"{edge.from_} keeps {kept.high:.3g} m/s at most and gains {GAINED:g} m/s"
+                message = f"{striker} keeps {kept.high:.3g} m/s at most and gains {GAINED:g} m/s"
                 message += (
                     f" in the last second, so it cannot strike at {edge.impact_speed:.3g} m/s"
                 )
