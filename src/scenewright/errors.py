@@ -1,7 +1,7 @@
 """What can go wrong, drawn as a tree.
 
     ScenewrightError
-    ├── InputError          the caller's input is at fault; one clear line, exit code 2
+    ├── InputError          the caller's input is at fault; a clear line for each fault, exit code 2
     │   └── BusyError       another turn of the conversation is being worked on
     ├── Unsatisfiable       a sane request that cannot be met; carries every rejection, exit code 3
     │   └── OutOfTime       the time limit was reached before it was met or given up
@@ -36,9 +36,17 @@ class ScenewrightError(Exception):
 
 
 class InputError(ScenewrightError):
-    """The input cannot be used; the message says what was wrong and how to mend it."""
+    """The input cannot be used; the message says what was wrong and how to mend it.
+
+    Attributes:
+        lines: the message; one line for each fault of a file.
+    """
 
     exit_code = 2
+
+    def __init__(self, *lines: object) -> None:
+        super().__init__("\n".join(map(str, lines)))
+        self.lines = tuple(map(str, lines))
 
 
 class BusyError(InputError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,6 +15,7 @@ from scenewright.cli.main import main
 from scenewright.dataset.batch.audit import check_again
 from scenewright.dataset.batch.fill import build_fill
 from scenewright.dataset.batch.rows import read_source
+from scenewright.dataset.batch.sweep import _measure_field
 from scenewright.dataset.tables.coverage import (
     Encounter,
     build_bins,
@@ -201,3 +203,25 @@ def test_a_sweep_says_which_feasible_values_were_measured(
     proof["figures"]["agents"] = 99
     (folder / "proof.json").write_text(json.dumps(proof))
     assert check_again(str(folder)) is not None
+
+
+@pytest.mark.parametrize(
+    ("kind", "from_", "speed"),
+    [("angle", 1, 6.0), ("angle", 2, 3.0), ("pedestrian_strike", 2, 6.0)],
+)
+def test_the_impact_speed_of_a_sweep_is_that_of_who_was_asked(
+    kind: str, from_: int, speed: float
+) -> None:
+    found = re.fullmatch(r"(relations)\[(0)\]\.(impact_speed)", "relations[0].impact_speed")
+    asked = {"from": from_, "to": 3 - from_, "type": "collision"}
+    evidence = {"relative_speed": 8.0, "speed_from": 6.0, "speed_to": 3.0}
+    event = {"from": 1, "to": 2, "type": "collision", "kind": kind, "evidence": evidence}
+    assert found is not None
+    assert _measure_field(found, {"relations": [asked]}, {"events": [event]}) == speed
+
+
+def test_a_closing_speed_is_measured_and_cannot_be_asked_for() -> None:
+    """No field of a plan asks for it: an impact speed is of one of the two."""
+    rows, left = build_fill([count_bins([], [build_bins("closing_speed", (2, 4, 6))])], [])
+    assert rows == []
+    assert [line.split(" ", 1)[0] for line in left] == ["closing_speed"] * 2

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from langgraph.runtime import Runtime
 
 import map_files
 from inline_jobs import run_jobs_inline, spread_inline
@@ -464,9 +463,9 @@ def test_texts_worded_on_workers_are_those_of_one_process(
         context: Any = SimpleNamespace(
             wish=wish, options=OPTIONS, book=Book(folder), workers=2,
             writers={"amsterdam_120": BuiltinWriter(ON)},
-            budget=9, log=lambda progress: progress_lines.append(format_progress(progress)),
+            log=lambda progress: progress_lines.append(format_progress(progress)),
         )  # fmt: skip
-        agent.write({"slots": slots, "spent": 0}, runtime=Runtime(context=context))
+        agent.write(slots, context, most=9)
         books.append((folder / BOOK).read_bytes())
 
     assert books[0] == books[1] != b""

@@ -181,6 +181,75 @@ def test_samplings_stay_within_and_reach_lists(tmp_path: Path, sampling: str) ->
     assert max(pets) - min(pets) > 6.0
 
 
+def test_a_sweep_tells_what_was_not_found_from_what_cannot_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from scenewright.dataset.batch import worker
+    from scenewright.dataset.batch.sweep import measure_sweep
+
+    tried: list[int] = []
+
+    def run(job: worker.Job) -> worker.Outcome:
+        """As if the search found only what it draws with seed 2, and no way for trucks."""
+        tried.append(job.seed)
+        if job.plan is not None and job.plan.plan.agents[0].subtype == "truck":
+            return worker.Outcome("refused", "ungroundable", "no way")
+        if job.seed == 2 and job.plan is not None and job.plan.plan.relations[0].target_pet == 0.8:
+            return make(job)
+        return worker.Outcome("refused", "work_spent", f"nothing with seed {job.seed}")
+
+    make = worker._run_job
+    monkeypatch.setattr(worker, "_run_job", run)
+    run_jobs_inline(monkeypatch)
+    plan, out = tmp_path / "plan.yaml", tmp_path / "out"
+    plan.write_text(SWEEP.replace(".. 9 s", ".. 2 s"), encoding="utf-8")
+    words = ["sweep", str(plan), "--n", "4", "--sampling", "boundary", "--out", str(out),
+             "--refiner", "none", "-q"]  # fmt: skip
+    assert main(words) == 0
+    assert tried == [0, 1, 2, 0, 1, 2, 0, 0]
+    rows = list(csv.DictReader((out / "points.csv").read_text("utf-8").splitlines()))
+    assert [(row["status"], row["code"]) for row in rows] == [
+        ("made", ""), ("not_found", "work_spent"), *[("infeasible", "ungroundable")] * 2
+    ]  # fmt: skip
+    assert rows[1]["reason"] == "nothing with seed 2"
+    scene = json.loads((out / rows[0]["folder"] / "scene.json").read_text("utf-8"))
+    assert scene["meta"]["seed"] == 2
+    # A bin in which nothing was found is a gap; one that cannot be is none.
+    subtype, pet = measure_sweep(out)
+    assert (subtype.shut, subtype.gaps) == (("truck",), {})
+    assert (pet.shut, len(pet.gaps)) == ((), 1)
+    capsys.readouterr()
+    assert main(["dataset", "check", str(out / "scenes")]) == 0
+
+
+def test_red_lights_and_times_of_a_sweep_are_those_of_its_scenes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_jobs_inline(monkeypatch)
+    plan, out = tmp_path / "plan.yaml", tmp_path / "out"
+    plan.write_text(
+        "agents:\n"
+        "  - {id: vehicle-1, entry: west, movement: right}\n"
+        "  - {id: cyclist-1, entry: [north, west], movement: straight}\n"
+        "relations: [{type: near_miss, from: vehicle-1, to: cyclist-1}]\n"
+        'context: {density: low, time_of_day: "07:00-09:30"}\n',
+        encoding="utf-8",
+    )
+    words = ["sweep", str(plan), "--n", "4", "--sampling", "boundary", "--out", str(out)]
+    assert main([*words, "--refiner", "none", "-q"]) == 0
+    rows = list(csv.DictReader((out / "points.csv").read_text("utf-8").splitlines()))
+    assert {row["context.time_of_day"] for row in rows} == {"07:00", "09:30"}
+    made = [row for row in rows if row["status"] == "made"]
+    assert {row["red_lights"] for row in made} == {"0", "1"}
+    for row in made:
+        scene = json.loads((out / row["folder"] / "scene.json").read_text("utf-8"))
+        assert scene["meta"]["time_of_day"] == row["context.time_of_day"]
+        capsys.readouterr()
+        assert main(["verify", str(out / row["folder"])]) == 0
+        said = "1 red light run unasked" in capsys.readouterr().out
+        assert said == (row["red_lights"] == "1")
+
+
 PLACES = """\
 intersections: any
 constraints:
@@ -272,3 +341,18 @@ def test_commands_write_and_check_plans(
         assert "agents[0].subtype: must be 'car'" in capsys.readouterr().err
     assert main(["make", "none.yaml"]) == 2
     assert not Path("scenes").exists()
+
+
+def test_any_place_is_the_shipped_one_where_nobody_has_made_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from scenewright.dataset.batch.sweep import load_places
+    from scenewright.scene.plan_file import read_logical_plan
+
+    for name in ("SCENEWRIGHT_INTERSECTIONS", "SCENEWRIGHT_DATA"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("HOME", "XDG_DATA_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / "fresh"))
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(PLACES, encoding="utf-8")
+    assert list(load_places(read_logical_plan(plan), "amsterdam_120")) == ["amsterdam_120"]

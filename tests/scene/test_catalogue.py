@@ -21,7 +21,7 @@ PLANS = sorted(SOURCES["plans"])
 def test_every_file_has_a_source_and_every_source_a_file() -> None:
     files = [file.name.removesuffix(".yaml") for file in FOLDER.iterdir() if "yaml" in file.name]
     assert sorted(files) == PLANS
-    assert 15 <= len(PLANS) <= 25
+    assert 15 <= len(PLANS) <= 30
     for each in SOURCES["plans"].values():
         assert list(each) == ["title", "document", "section", "gives", "lacks"]
         assert len(each["document"]) > 20
@@ -35,6 +35,24 @@ def test_a_shipped_plan_is_one_at_all_its_corners(name: str) -> None:
     points = build_points(logical, 1000, sampling="boundary", seed=0, place="amsterdam_120")
     assert [each.fault for each in points if each.fault is not None] == []
     assert [edge["type"] for edge in logical.data["relations"]] in (["collide_at"], ["near_miss"])
+
+
+def test_values_of_un_r171_are_those_of_its_annex() -> None:
+    asked = {}
+    for name in (each for each in PLANS if each.startswith("unr171")):
+        with (FOLDER / f"{name}.yaml").open("rb") as file:
+            logical = read_logical_plan(Path(file.name))
+        # In a file of 3.6 km/h to the m/s: the other road user's speed, and where it is struck.
+        speed, *points = logical.data["measures"][1:]
+        spread = logical.spreads.get(("measures", 1, "value"))
+        top = spread.compute_value(1.0) if spread else speed["value"]
+        asked[name] = [round(3.6 * top), *(each["value"] for each in points)]
+    middle = ["50 %"]
+    assert asked == {
+        "unr171-pedestrian": [5, middle], "unr171-bicycle": [15, middle],
+        "unr171-pedestrian-turn": [5, middle], "unr171-bicycle-turn": [15, middle],
+        "unr171-oncoming": [60], "unr171-crossing": [60, middle, ["25 %"]],
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["cbna"])
@@ -68,7 +86,7 @@ def test_a_plan_is_shown_with_its_source_and_can_be_swept(
     assert main(["catalogue", "list"]) == 0
     listed = capsys.readouterr().out
     assert all(f" {name} " in listed for name in PLANS)
-    assert "none of UN R171: " in listed
+    assert "none of UN R171, Annex 4, 4.2.5.2.1 to 4.2.5.2.8: " in listed
     assert main(["catalogue", "show", "nothing"]) == 2
     assert main(["catalogue", "make"]) == 2
     assert main(["catalogue", "make", "cpna", "--all"]) == 2

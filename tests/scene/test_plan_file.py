@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from scenewright.backends import load_backend
+from scenewright.cli.main import main
 from scenewright.cli.plan import check_plan_file
 from scenewright.errors import InputError
 from scenewright.graph.run import plan_instruction
@@ -143,6 +145,135 @@ def test_a_mistake_is_named_by_line_and_field(tmp_path: Path, name: str) -> None
     assert line is None or f"line {line}" in said
     assert f"{field}:" in said
     assert help_ in said
+
+
+MANY = """\
+constraints: [1 + 1, vehicle-9.entry]
+agents:
+  - {id: vehicle-1, subtyp: car, entry: up, movement: left}
+  - {id: vehicle-2, subtype: [car, buss], entry: has a moat}
+  - {id: pedestrian-1, subtype: taxi, members: 30}
+relations:
+  - {type: colide_at, from: vehicle-1, to: vehicle-2, impact_speed: 30 knots}
+  - {type: near_miss, from: vehicle-1, too: pedestrian-1, target_pet: 3 .. 1 s}
+  - {type: near_miss, from: vehicle-1, to: pedestrian-7, impact_speed: 3}
+  - {type: near_miss, from: vehicle-1, to: vehicle-1}
+  - {type: near_miss, to: pedestrian-8, from: vehicle-1}
+measures:
+  - {kind: pace, agent: vehicle-1, value: 3 m/s}
+  - {kind: speed, agent: vehicle-4, value: fast}
+  - {kind: gap, agent: vehicle-1, value: 3 m}
+objects:
+  - {id: object-1, kind: parked, hides: pedestrian-1, hidden_from: vehicle-1}
+context: {time_of_day: "25:00", density: 3, background: {vehicles: -1}}
+extra: 3
+"""
+ALL = """\
+1 constraints[0], 1 constraints[1], 3 agents[0].entry, 3 agents[0].subtyp, 4 agents[1].subtype,
+4 agents[1].entry, 5 agents[2].members, 5 agents[2].subtype, 7 relations[0].type,
+7 relations[0].impact_speed, 8 relations[1].too, 8 relations[1].target_pet,
+9 relations[2].impact_speed, 9 relations[2].to, 10 relations[3].to, 11 relations[4].to,
+13 measures[0].kind, 14 measures[1].value, 14 measures[1].agent, 15 measures[2].other,
+18 context.density, 18 context.time_of_day, 18 context.background.vehicles, 19 extra"""
+
+
+def test_all_mistakes_come_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = write(tmp_path, MANY)
+    assert main(["plan", str(file)]) == 2
+    said = capsys.readouterr().err.splitlines()
+    # That an object's hiding needs a relation is not said, as one that is wrong may be that.
+    found = [re.fullmatch(rf"scenewright: {file}, line (\d+), (\S+): (.+)", line) for line in said]
+    assert sorted(f"{each[1]} {each[2]}" for each in found if each) == sorted(re.split(r",\s", ALL))
+    assert len(found) == len(said)
+
+
+def test_mistakes_of_yaml_come_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("entry: south", "subtype: bus").replace("from:", "from: a\n    from:")
+    with pytest.raises(InputError) as caught:
+        read_plan(write(tmp_path, text.replace("pedestrian-1", "!!set pedestrian-1")))
+    assert [re.search(r"line (\d+)", line)[1] for line in caught.value.lines] == [  # type: ignore[index]
+        "4", "5", "9", "10"]  # fmt: skip
+
+
+def test_agents_without_a_way_are_named_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("entry: south", "movement: crossing").replace(
+        "pedestrian-1\nrel", "pedestrian-1\n    movement: left\nrel"
+    )
+    with pytest.raises(InputError) as caught:
+        check_plan_file(str(write(tmp_path, text)), None)
+    assert [f"{each}:" in line for each, line in zip(
+        ("agents[0].movement", "agents[1].movement"), caught.value.lines, strict=True)] == [
+            True, True]  # fmt: skip
+
+
+FIGURES = """\
+agents:
+  - {id: vehicle-1}
+  - {id: vehicle-2}
+  - {id: cyclist-1}
+  - {id: pedestrian-1}
+relations:
+  - {type: collide_at, from: vehicle-1, to: vehicle-2, impact_speed: 12 m/s}
+  - {type: near_miss, from: vehicle-1, to: cyclist-1}
+  - {type: near_miss, manoeuvre: lead_brakes, from: cyclist-1, to: vehicle-2}
+measures:
+  - {kind: speed, agent: vehicle-1, value: 3 m/s}
+  - {kind: speed, agent: cyclist-1, value: 14 m/s}
+  - {kind: speed, agent: pedestrian-1, value: 4.4 m/s}
+  - {kind: gap, agent: vehicle-1, other: vehicle-2, value: 59 m}
+  - {kind: headway, agent: vehicle-1, other: vehicle-2, value: 0.6 s}
+  - {kind: braking, agent: vehicle-2, value: 1 m/s2}
+"""
+
+
+def test_figures_that_exclude_one_another_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        read_plan(write(tmp_path, FIGURES))
+    said = [line.removeprefix(f"{tmp_path / 'scene.yaml'}, line ") for line in caught.value.lines]
+    assert said == [
+        # 3.5 m/s kept at most, and 4 m/s2 for less than the second that would keep it
+        "7, relations[0].impact_speed: vehicle-1 keeps 3.5 m/s at most and gains 5 m/s in the "
+        "last second, so it cannot strike at 12 m/s",
+        "12, measures[1].value: speed of a cyclist is 0.3 to 9 m/s",
+        # 20 m/s times 0.75 s
+        "14, measures[3].value: a headway of 0.45 to 0.75 s is a gap of 0.45 to 15 m, "
+        "not of 58.7 to 59.3 m",
+        "16, measures[5].value: who lead_brakes brakes at 4.5 m/s2 or more",
+    ]
+    near = FIGURES.replace("12 m/s}", "8 m/s}").replace("14 m/s", "9.4 m/s")
+    near = near.replace("59 m", "15 m").replace("1 m/s2", "4 m/s2")
+    assert len(read_plan(write(tmp_path, near)).plan.measures) == 6
+    # The speed of an impact with a pedestrian is the vehicle's, whoever runs into the other.
+    walks = "{kind: speed, agent: pedestrian-1, value: 1 m/s}"
+    good = GOOD.replace(
+        "from: vehicle-1\n    to: pedestrian-1", "from: pedestrian-1\n    to: vehicle-1"
+    )
+    assert good != GOOD
+    assert read_plan(write(tmp_path, f"measures: [{walks}]\n{good}")).plan.measures
+    with pytest.raises(InputError, match=r"vehicle-1 keeps 1\.5 m/s at most"):
+        read_plan(write(tmp_path, f"measures: [{walks.replace('pedestrian', 'vehicle')}]\n{good}"))
+
+
+def test_a_plan_shows_what_it_leaves_open(tmp_path: Path) -> None:
+    open_ = GOOD.replace("30 km/h", "18 .. 36 km/h").replace("subtype: car", "subtype: [car, bus]")
+    open_ = open_.replace("entry: south", "entry: has parking").replace("08:00", "16:30-18:30")
+    shown = check_plan_file(str(write(tmp_path, open_)), None)
+    assert shown["summary"].startswith("For example: ")
+    assert shown["summary"].endswith(
+        " Left open: agents[0].subtype: car or bus; agents[0].entry: has parking; "
+        "relations[0].impact_speed: 18 .. 36 km/h; context.time_of_day: 16:30-18:30."
+    )
+    fixed = check_plan_file(str(write(tmp_path, GOOD)), None)["summary"]
+    assert "Left open" not in fixed
+    assert "For example" not in fixed
+
+
+def test_a_span_of_time_is_one_plan_and_many_points(tmp_path: Path) -> None:
+    file = write(tmp_path, GOOD.replace("08:00", "22:00-02:00"))
+    assert read_plan(file).plan.context.time_of_day == "22:00-02:00"
+    spread = read_logical_plan(file).spreads["context", "time_of_day"]
+    drawn = [spread.compute_value(share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    assert drawn == ["22:00", "23:00", "00:00", "01:00", "02:00"]
 
 
 NO_WAY = {

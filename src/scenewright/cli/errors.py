@@ -38,7 +38,8 @@ class CliError:
 
     Attributes:
         code: for machines; exit_code: of the process.
-        reason: one sentence; details: further keys of the JSON object.
+        reason: one sentence, or a line for each fault of a file.
+        details: further keys of the JSON object.
     """
 
     code: str
@@ -69,9 +70,8 @@ def to_cli_error(error: BaseException) -> CliError:
             reason = format_one_line(str(error))
             return CliError("backend_failed", error.exit_code, reason, _build_costs(error))
         case InputError():
-            return CliError(
-                "unusable_input", UNUSABLE, format_one_line(str(error)), _build_costs(error)
-            )
+            reason = "\n".join(map(format_one_line, error.lines))
+            return CliError("unusable_input", UNUSABLE, reason, _build_costs(error))
         case MemoryError():
             return CliError("out_of_memory", UNUSABLE, "there is not enough memory for this")
         case OSError():

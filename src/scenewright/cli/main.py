@@ -438,7 +438,8 @@ def _run(words: list[str]) -> int:
             raise
         if fault.code == "interrupted" and note is not None:
             fault = replace(fault, reason=f"interrupted; {note}")
-        log_line(f"scenewright: {fault.reason}")
+        for line in fault.reason.split("\n"):
+            log_line(f"scenewright: {line}")
         if "--json" in words:
             with suppress(OSError, ReaderGoneError):
                 write_json(fault.to_json())

@@ -9,7 +9,6 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -306,13 +305,15 @@ _POINTS = 16
 """Points tried of what a plan leaves open, before it counts as impossible."""
 
 
-def _draw_points(logical: LogicalPlan, place: str) -> Iterator[Mapping[Any, Any]]:
-    """Values of points of what a plan leaves open; drawn once the first of them is asked for."""
+def _draw_points(logical: LogicalPlan, placed: LogicalPlan, place: str) -> Iterator[Any]:
+    """The middle of what a plan leaves open, then, where that is asked for, other points of it."""
     from scenewright.dataset.batch.sweep import build_points
 
-    here = replace(logical, places=(place,))
-    drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
-    yield from (each.values for each in drawn)
+    yield {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
+    if placed.spreads:
+        here = replace(logical, places=(place,))
+        drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
+        yield from (each.values for each in drawn)
 
 
 def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
@@ -325,15 +326,14 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     from scenewright.dataset.batch.sweep import load_places
     from scenewright.graph.run import DEFAULT_INTERSECTION, check_plan
     from scenewright.scene.phrasing import describe_graph
-    from scenewright.scene.plan_file import format_path, read_logical_plan
+    from scenewright.scene.plan_file import read_logical_plan
 
     logical, place = read_logical_plan(path), intersection or DEFAULT_INTERSECTION
     places = load_places(logical, place)
     place = place if place in places else next(iter(places))
     placed = logical.place_at(places[place])
-    middle = {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
     faults: list[InputError] = []
-    for values in chain([middle], _draw_points(logical, place) if middle else ()):
+    for values in _draw_points(logical, placed, place):
         try:
             if (broken := placed.find_broken(values)) is not None:
                 raise broken
@@ -344,14 +344,12 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
             faults.append(error)
     else:
         raise faults[0]
-    open_ = [format_path(at) for at in placed.spreads]
-    left = f" Left open: {', '.join(open_)}." if open_ else ""
-    return {
-        "file": path,
-        "summary": describe_graph(given.plan) + left,
-        "as_read": given.as_read,
-        "open": open_,
-    }
+    open_ = logical.describe_open()
+    words = describe_graph(given.plan)
+    if open_:
+        left = "; ".join(f"{name}: {what}" for name, what in open_.items())
+        words = f"For example: {words} Left open: {left}."
+    return {"file": path, "summary": words, "as_read": given.as_read, "open": open_}
 
 
 def write_rows(path: str, rows: list[dict[str, Any]]) -> None:

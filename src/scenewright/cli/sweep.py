@@ -32,6 +32,9 @@ class SweepOptions(SceneOptions):
     n: Annotated[int, typer.Option("--n", help="Points; a grid or its corners may be fewer.")] = 50
     sampling: Sampling = "sobol"
     seed: Annotated[int, typer.Option(help="Of the points, and of every scene.")] = 0
+    draws: Annotated[
+        int, typer.Option(min=1, max=100, help="Seeds tried for a point until one makes a scene.")
+    ] = 3
     max_agents: MaxAgents = None
 
 
@@ -46,8 +49,9 @@ def sweep(
 ) -> None:
     """Make scenes of a plan with ranges, distributions or lists in place of values.
 
-    points.csv has the values of each point and what became of it: a point that physics or the
-    place does not allow is a result, with the reason. The same command goes on where it was.
+    points.csv has the values of each point and what became of it: that physics or the place does
+    not allow it (infeasible), or that the search found no scene, is a result, with the reason.
+    The same command goes on where it was.
     """
     from scenewright.dataset.batch.run import Request
     from scenewright.dataset.batch.sweep import TABLE, run_sweep

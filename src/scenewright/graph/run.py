@@ -47,7 +47,7 @@ from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.kinds import list_values
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_fields import word_plan
-from scenewright.scene.plan_file import PlanFile
+from scenewright.scene.plan_file import PlanFault, PlanFile
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, Stage
 from scenewright.scene.relations import get_pattern
@@ -273,18 +273,23 @@ def check_plan(given: PlanFile, *, intersection: str = DEFAULT_INTERSECTION) -> 
         ground_graph(given.plan, intersection_map=place)
     except Rejected as error:
         agents, what = error.rejection.agents, error.rejection.detail
-        path: tuple[str | int, ...] = ()
+        faults: dict[tuple[str | int, ...], str] = {}
         for n, node in enumerate(given.plan.agents):
-            if agents == (node.id,):
+            own = what if agents == (node.id,) else None
+            try:
+                ground_graph(SocialGraph(agents=(node,)), intersection_map=place)
+            except Rejected as alone:
+                own = alone.rejection.detail
+            if own is not None:
                 name, advice = _find_blocking_field(node, place)
-                path, what = ("agents", n, *name), what + advice
-        for n, edge in enumerate(given.plan.relations):
-            if set(agents) == {edge.from_, edge.to}:
-                path = ("relations", n)
-        for n, each in enumerate(given.plan.objects):
-            if what.startswith(f"{each.id}:"):
-                path = ("objects", n)
-        raise given.build_fault(path, what) from error
+                faults["agents", n, *name] = own + advice
+        entries = [
+            *(("objects", n) for n, each in enumerate(given.plan.objects)
+              if what.startswith(f"{each.id}:")),
+            *(("relations", n) for n, edge in enumerate(given.plan.relations)
+              if set(agents) == {edge.from_, edge.to}),
+        ]  # fmt: skip
+        raise PlanFault(given.name, given.lines, faults or {(*entries, ())[0]: what}) from error
 
 
 def _find_blocking_field(node: AgentNode, place: IntersectionMap) -> tuple[tuple[str, ...], str]:

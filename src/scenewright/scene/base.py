@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Annotated, Literal
 
 import numpy as np
@@ -49,6 +50,14 @@ class FieldError(ValueError):
     def __init__(self, message: str, *at: str | int) -> None:
         super().__init__(message)
         self.at = at
+
+
+class FieldErrors(ValueError):
+    """All faults that a model finds, where it finds some."""
+
+    def __init__(self, faults: Iterable[FieldError]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("; ".join(map(str, self.faults)))
 
 
 def frozen(array: FloatArray) -> FloatArray:

@@ -55,6 +55,12 @@ UNITS: dict[MeasureKind, MeasureUnit] = {
 }
 
 
+_MOST: dict[str, dict[str, float]] = {
+    "pedestrian": {"speed": 4.5, "line_speed": 4.5, "acceleration": 3.0, "braking": 3.0},
+    "cyclist": {"speed": 9.0, "line_speed": 9.0, "acceleration": 2.0, "braking": 3.5},
+    "scooter": {"speed": 7.0, "line_speed": 7.0, "acceleration": 2.0, "braking": 3.5},
+}
+"""The most of a class, where it is less than a scene can have (SEMANTICS 5 and 8)."""
 _UNIT_HELP = ", ".join(f"{kind} [{each.unit}]" for kind, each in UNITS.items())
 
 _MEASURE_OF = {"kept_speed": "speed", "time_headway": "headway"}
@@ -89,6 +95,16 @@ class Measure(Model):
             message = f"{self.kind} needs two different agents, got {self.agent} twice"
             raise FieldError(message, "other")
         return self
+
+
+def find_excess(measure: Measure) -> FieldError | None:
+    """What no agent of its class can show, at the bound that is out of reach."""
+    of, known = measure.agent.partition("-")[0], UNITS[measure.kind]
+    most = _MOST.get(of, {}).get(measure.kind, known.most)
+    what = f"{measure.kind} of a {of} is {known.least:g} to {most:g} {known.unit}"
+    if measure.low > most:
+        return FieldError(what, "low")
+    return FieldError(what, "high") if measure.high < known.least else None
 
 
 def format_measure(measure: Measure) -> str:

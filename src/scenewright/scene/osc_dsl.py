@@ -129,7 +129,7 @@ def _list_kept(
         spread = spreads.get(path)
         if path in legs:
             yield f"{field}_has == {json.dumps(legs[path])}"
-        elif spread is None:
+        elif spread is None or spread.kind == "times":
             yield f"{field} == {_write(value, unit)}"
         elif spread.kind == "list":
             yield f"{field} in [{', '.join(_write(each, unit) for each in spread.values)}]"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from itertools import islice, product
@@ -15,9 +15,10 @@ from typing import Any, get_args
 import yaml
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 from scenewright.errors import InputError
-from scenewright.scene.base import FieldError, Model
+from scenewright.scene.base import FieldError, FieldErrors, Model
 from scenewright.scene.kinds import list_values
 from scenewright.scene.leg_predicates import LEG_FIELDS, check_predicate, find_legs, is_predicate
 from scenewright.scene.map import IntersectionMap
@@ -32,7 +33,7 @@ from scenewright.scene.social import (
     SocialGraph,
     get_figure,
 )
-from scenewright.scene.spread import Spread, find_fault, read_number, read_spread
+from scenewright.scene.spread import Spread, check_spread, read_number, read_spread, read_time_span
 
 MOST_BYTES = 1 << 18
 """Longest plan file."""
@@ -60,11 +61,21 @@ Path_ = tuple[str | int, ...]
 
 
 class PlanFault(InputError):
-    """A fault of one field of a plan, at `path`."""
+    """What is wrong with fields of a file, a line each, in the order of the file.
 
-    def __init__(self, message: str, path: Path_) -> None:
-        super().__init__(message)
-        self.path = path
+    Attributes:
+        faults: what is wrong, by the path of the field.
+    """
+
+    def __init__(self, name: str, lines: Mapping[Path_, int], faults: Mapping[Path_, str]) -> None:
+        told = []
+        for path, what in faults.items():
+            held = next((path[:n] for n in range(len(path), -1, -1) if path[:n] in lines), None)
+            line = "" if held is None else f", line {lines[held]}"
+            where = f", {format_path(path)}" if path else ""
+            told.append((lines.get(held or (), 0), f"{name}{line}{where}: {what}"))
+        super().__init__(*(text for _, text in sorted(told, key=lambda each: each[0])))
+        self.faults = dict(faults)
 
 
 @dataclass(frozen=True)
@@ -83,10 +94,6 @@ class PlanFile:
     name: str = field(default="plan", compare=False)
     lines: Mapping[Path_, int] = field(default_factory=dict, compare=False)
 
-    def build_fault(self, path: Path_, what: str) -> PlanFault:
-        """The error of a field."""
-        return build_fault(self.name, self.lines, path, what)
-
 
 @dataclass(frozen=True)
 class LogicalPlan:
@@ -102,8 +109,8 @@ class LogicalPlan:
     name: str
     data: dict[str, Any]
     lines: Mapping[Path_, int] = field(default_factory=dict)
-    spreads: Mapping[Path_, Spread] = field(default_factory=dict)
-    legs: Mapping[Path_, str] = field(default_factory=dict)
+    spreads: dict[Path_, Spread] = field(default_factory=dict)
+    legs: dict[Path_, str] = field(default_factory=dict)
     places: tuple[str, ...] = ()
     constraints: tuple[PlanConstraint, ...] = ()
 
@@ -113,23 +120,33 @@ class LogicalPlan:
         Raises:
             InputError: no leg there has it; names the line and the field.
         """
-        found: dict[Path_, Spread] = {}
-        for path, predicate in self.legs.items():
-            if not (legs := find_legs(predicate, place)):
-                raise self.build_fault(path, f"no leg of {place.name} {predicate.strip()}")
-            found[path] = Spread("list", legs)
+        found = {at: find_legs(predicate, place) for at, predicate in self.legs.items()}
+        none = {
+            at: f"no leg of {place.name} {self.legs[at].strip()}"
+            for at, legs in found.items()
+            if not legs
+        }
+        if none:
+            raise PlanFault(self.name, self.lines, none)
         # In the order of the file, so that a predicate in place of a list changes no point.
-        spreads = {**found, **self.spreads}
+        spreads = {**{at: Spread("list", legs) for at, legs in found.items()}, **self.spreads}
         ordered = {path: spreads[path] for path in sorted(spreads, key=self.get_line)}
         return replace(self, spreads=ordered, legs={})
+
+    def describe_open(self) -> dict[str, str]:
+        """What each field that is left open may be, as the file has it, by the field's name."""
+        told = {}
+        for path in sorted({**self.spreads, **self.legs}, key=self.get_line):
+            value: Any = self.data
+            for step in path:
+                value = value[step]
+            some = value if isinstance(value, list) else [value]
+            told[format_path(path)] = " or ".join(map(str, some))
+        return told
 
     def get_line(self, path: Path_) -> int:
         """The line of a field; 0 where the plan is no file."""
         return self.lines.get(path, 0)
-
-    def build_fault(self, path: Path_, what: str) -> PlanFault:
-        """The error of a field."""
-        return build_fault(self.name, self.lines, path, what)
 
     def format_osc_dsl(self) -> str:
         """The plan in OpenSCENARIO DSL, which `read_logical_plan` reads back."""
@@ -148,9 +165,11 @@ class LogicalPlan:
         for n, each in enumerate(self.constraints):
             try:
                 if not each.holds(data):
-                    return self.build_fault(("constraints", n), f"{each.text} does not hold")
+                    return PlanFault(
+                        self.name, self.lines, {("constraints", n): f"{each.text} does not hold"}
+                    )
             except ValueError as error:
-                raise self.build_fault(("constraints", n), str(error)) from error
+                raise PlanFault(self.name, self.lines, {("constraints", n): str(error)}) from error
         return None
 
     def settle(self, values: Mapping[Path_, Any]) -> PlanFile:
@@ -193,31 +212,37 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
     if not isinstance(data, dict):
         what = "is empty" if data is None else "holds no fields such as 'agents: ...'"
         missing = f"{what}; `scenewright plan TEXT --yaml` writes one to begin"
-        raise build_fault(name, lines, (), missing)
+        raise PlanFault(name, lines, {(): missing})
+    faults: dict[Path_, str] = {}
     places, written = data.pop("intersections", None), data.pop("constraints", None) or []
     if isinstance(places, str):
         places = [places]
     if not (places is None or (isinstance(places, list) and all(map(_is_name, places)))):
-        what = "any, the name of an intersection, or a list of names"
-        raise build_fault(name, lines, ("intersections",), what)
+        faults["intersections",] = "any, the name of an intersection, or a list of names"
+        places = None
     if not isinstance(written, list):
-        raise build_fault(name, lines, ("constraints",), "is a list of comparisons")
+        faults["constraints",] = "is a list of comparisons"
+        written = []
     constraints = []
     for n, text in enumerate(written):
         try:
             constraints.append(parse_constraint(text))
         except ValueError as error:
-            raise build_fault(name, lines, ("constraints", n), str(error)) from error
-    spreads: dict[Path_, Spread] = {}
-    legs: dict[Path_, str] = {}
-    _read_values(data, (), name, lines, spreads, legs)
-    plan = LogicalPlan(name, data, lines, spreads, legs, tuple(places or ()), tuple(constraints))
-    _check_choices(plan)
+            faults["constraints", n] = str(error)
+    plan = LogicalPlan(name, data, lines, {}, {}, tuple(places or ()), tuple(constraints))
+    faults |= _read_values(plan, data, ())
+    faults = _check_choices(plan, known=faults.keys()) | faults
+    if faults:
+        raise PlanFault(name, lines, faults)
     return plan
 
 
-def _check_choices(plan: LogicalPlan) -> None:
-    """PlanFault for a field, or a word of a list, that is wrong whatever the open values are."""
+def _check_choices(plan: LogicalPlan, known: Set[Path_]) -> dict[Path_, str]:
+    """What is wrong with fields, or a word of a list, whatever the open values are.
+
+    Args:
+        known: fields that are wrong by themselves.
+    """
     words = {
         at: tuple(each for each in spread.values if isinstance(each, str))
         for at, spread in plan.spreads.items()
@@ -225,22 +250,26 @@ def _check_choices(plan: LogicalPlan) -> None:
     }
     middle = {at: spread.compute_value(0.5) for at, spread in plan.spreads.items()}
     base = {**middle, **dict.fromkeys(plan.legs)}
+    found: dict[Path_, str] = {}
     for at, word in [(None, ""), *((at, each) for at, own in words.items() for each in own)]:
         others = {key: values for key, values in words.items() if values and key != at}
-        fault: PlanFault | None = None
+        always: dict[Path_, str] | None = None
         for chosen in islice(product(*others.values()), MOST_CHOICES):
             values = {**base, **dict(zip(others, chosen, strict=True))}
+            values |= {} if at is None else {at: word}
             try:
-                plan.settle(values if at is None else {**values, at: word})
-                break
+                _build_plan(plan.settle_data(values), plan.name, plan.lines, known)
+                own: dict[Path_, str] = {}
             except PlanFault as error:
-                fault = error
-            opened = {fault.path, (*fault.path[:2], "value")} & plan.spreads.keys()
-            if fault.path != at and (at is not None or opened):
+                own = error.faults
+            kept = own.keys() if at is None else own.keys() & {at}
+            always = {key: own[key] for key in kept if always is None or key in always}
+            if not always:
                 break
-        else:
-            if fault is not None:
-                raise fault
+        for key, what in (always or {}).items():
+            if key == at or not {key, (*key[:2], "value")} & plan.spreads.keys():
+                found.setdefault(key, what)
+    return found
 
 
 def _is_name(value: object) -> bool:
@@ -254,12 +283,13 @@ def read_plan(source: str | Path | Mapping[str, Any]) -> PlanFile:
         InputError: unreadable, or no plan; names the line and the field.
     """
     logical = read_logical_plan(source)
-    for path in (*logical.spreads, *logical.legs):
-        what = "several values; `scenewright sweep` makes scenes of them, `make` needs one"
-        raise logical.build_fault(path, what)
+    several = "several values; `scenewright sweep` makes scenes of them, `make` needs one"
+    open_ = [at for at, spread in logical.spreads.items() if spread.kind != "times"]
+    left = dict.fromkeys((*open_, *logical.legs), several)
     if logical.places:
-        what = "is read by `scenewright sweep`; others have --intersection"
-        raise logical.build_fault(("intersections",), what)
+        left["intersections",] = "is read by `scenewright sweep`; others have --intersection"
+    if left:
+        raise PlanFault(logical.name, logical.lines, left)
     if (broken := logical.find_broken({})) is not None:
         raise broken
     return logical.settle({})
@@ -314,7 +344,13 @@ def read_yaml(path: Path) -> tuple[Any, dict[Path_, int]]:
     lines: dict[Path_, int] = {}
     try:
         node = _Loader(text).get_single_node()
-        return (None, {(): 1}) if node is None else (_build_plain(node, (), name, lines), lines)
+        if node is None:
+            return None, {(): 1}
+        faults: dict[Path_, str] = {}
+        data = _build_plain(node, (), lines, faults)
+        if faults:
+            raise PlanFault(name, lines, faults)
+        return data, lines
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = error.problem or "not YAML"
@@ -356,42 +392,36 @@ def _build_syntax_error(text: str, line: int, name: str, problem: str) -> InputE
     return InputError(f"{name}, line {line + 1}: {problem}")
 
 
-def _build_plain(node: yaml.Node, path: Path_, name: str, lines: dict[Path_, int]) -> Any:
-    """Plain data of a node; the line of every field goes to `lines`."""
+def _build_plain(
+    node: yaml.Node, path: Path_, lines: dict[Path_, int], faults: dict[Path_, str]
+) -> Any:
+    """Plain data of a node; the line of every field goes to `lines`, what is wrong to `faults`."""
     lines.setdefault(path, node.start_mark.line + 1)
     kind = node.tag.removeprefix("tag:yaml.org,2002:")
     if isinstance(node, yaml.MappingNode) and kind == "map":
         found: dict[str, Any] = {}
         for key, value in node.value:
             at = (*path, str(key.value) if isinstance(key, yaml.ScalarNode) else "?")
-            line = key.start_mark.line + 1
             if at[-1] in found:
-                first = lines[at]
-                raise build_fault(name, {at: line}, at, f"is there twice, first in line {first}")
-            lines[at] = line
-            found[str(at[-1])] = _build_plain(value, at, name, lines)
+                faults[at] = f"is there twice, first in line {lines[at]}"
+            lines[at] = key.start_mark.line + 1
+            found[str(at[-1])] = _build_plain(value, at, lines, faults)
         return found
     if isinstance(node, yaml.SequenceNode) and kind == "seq":
-        return [_build_plain(each, (*path, n), name, lines) for n, each in enumerate(node.value)]
+        return [_build_plain(each, (*path, n), lines, faults) for n, each in enumerate(node.value)]
     if isinstance(node, yaml.ScalarNode) and kind in ("str", "null", "bool", "int", "float"):
         try:
             return _CONVERT[kind](node.value)
-        except ValueError as error:
-            raise build_fault(name, lines, path, "too long a number") from error
-    raise build_fault(name, lines, path, f"the tag {node.tag} is not read; write plain values")
+        except ValueError:
+            faults[path] = "too long a number"
+    else:
+        faults[path] = f"the tag {node.tag} is not read; write plain values"
+    return None
 
 
 _CONVERT: dict[str, Any] = {
     "str": str, "null": lambda _: None, "bool": "true".__eq__, "int": int, "float": float,
 }  # fmt: skip
-
-
-def build_fault(name: str, lines: Mapping[Path_, int], path: Path_, what: str) -> PlanFault:
-    """The error of a field, with the line of it or of what holds it."""
-    held = next((path[:n] for n in range(len(path), -1, -1) if path[:n] in lines), None)
-    line = "" if held is None else f", line {lines[held]}"
-    where = format_path(path)
-    return PlanFault(f"{name}{line}{', ' if where else ''}{where}: {what}", path)
 
 
 def format_path(path: Path_) -> str:
@@ -400,43 +430,42 @@ def format_path(path: Path_) -> str:
     return "".join(parts).removeprefix(".")
 
 
-def _read_values(
-    data: Any, path: Path_, name: str, lines: Mapping[Path_, int],
-    spreads: dict[Path_, Spread], legs: dict[Path_, str],
-) -> None:  # fmt: skip
-    """Turn numbers with a unit into SI, in place, and collect the fields that are left open."""
+def _read_values(plan: LogicalPlan, data: Any, path: Path_) -> dict[Path_, str]:
+    """Turn numbers with a unit into SI, in place, and add the fields that are left open to a plan;
+    what is wrong with others."""
+    faults: dict[Path_, str] = {}
     items = data.items() if isinstance(data, dict) else enumerate(data)
     for key, value in list(items):
         at = (*path, key)
         field_name = key if isinstance(key, str) else path[-1] if path else ""
         if isinstance(value, dict) or (isinstance(value, list) and field_name in _LISTS):
-            _read_values(value, at, name, lines, spreads, legs)
-            continue
-        if field_name in LEG_FIELDS and is_predicate(value):
-            try:
-                check_predicate(value)
-            except ValueError as error:
-                raise build_fault(name, lines, at, str(error)) from error
-            legs[at] = value
+            faults |= _read_values(plan, value, at)
             continue
         if field_name in _SINGLE or (path and path[0] == "said"):
             continue
         unit = _find_unit(str(field_name), data)
+        spread: Spread | None = None
         try:
+            if field_name in LEG_FIELDS and is_predicate(value):
+                check_predicate(value)
+                plan.legs[at] = value
+                continue
             if isinstance(value, bool) and (unit or field_name in _WHOLE):
                 raise ValueError(f"a number, not {json.dumps(value)}")
             if isinstance(value, list):
-                spreads[at] = Spread("list", tuple(read_number(v, unit) for v in value))
+                spread = Spread("list", tuple(read_number(v, unit) for v in value))
             elif isinstance(value, str) and (unit or field_name in _WHOLE):
                 spread = read_spread(value, unit, whole=field_name in _WHOLE)
                 if spread is None:
                     data[key] = read_number(value, unit)
-                else:
-                    spreads[at] = spread
+            elif isinstance(value, str) and field_name == "time_of_day":
+                spread = read_time_span(value)
+            if spread is not None:
+                check_spread(spread)
+                plan.spreads[at] = spread
         except ValueError as error:
-            raise build_fault(name, lines, at, str(error)) from error
-        if at in spreads and (fault := find_fault(spreads[at])):
-            raise build_fault(name, lines, at, fault)
+            faults[at] = str(error)
+    return faults
 
 
 def _find_unit(name: str, holder: Any) -> str | None:
@@ -449,11 +478,22 @@ def _find_unit(name: str, holder: Any) -> str | None:
     return UNIT_OF.get(name)
 
 
-def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> PlanFile:
+def _build_plan(
+    data: dict[str, Any], name: str, lines: Mapping[Path_, int], known: Set[Path_] = frozenset()
+) -> PlanFile:
+    """The plan of plain data.
+
+    Args:
+        known: fields that are wrong, and need not be named once more.
+
+    Raises:
+        PlanFault: it is none; names all other fields that are wrong.
+    """
+    faults: dict[Path_, str] = {}
     text, digest = data.pop("text", None), data.pop("read_as", None)
     for key, value in (("text", text), ("read_as", digest)):
         if not isinstance(value, str | None):
-            raise build_fault(name, lines, (key,), "must be words")
+            faults[key,] = "must be words"
     # Fill in what is plain from the rest: sections without content, classes, bounds of a value.
     for key in [key for key, value in data.items() if value is None]:
         del data[key]
@@ -464,69 +504,126 @@ def _build_plan(data: dict[str, Any], name: str, lines: Mapping[Path_, int]) -> 
             agent.setdefault("type", agent["id"].partition("-")[0])
     for n, each in enumerate(measures if isinstance(measures, list) else ()):
         if isinstance(each, dict) and "value" in each:
-            at, value, kind = ("measures", n, "value"), each.pop("value"), each.get("kind")
+            value, kind = each.pop("value"), each.get("kind")
             if not (isinstance(kind, str) and kind in UNITS):
+                each.update(low=0.0, high=0.0)  # the kind is wrong, whatever its value
                 continue
-            if not isinstance(value, int | float) or {"low", "high"} & each.keys():
-                raise build_fault(
-                    name, lines, at, "is one number, and stands in place of low and high"
-                )
             slack = UNITS[kind].tolerance
+            if not isinstance(value, int | float) or {"low", "high"} & each.keys():
+                what = "is one number, and stands in place of low and high"
+                faults["measures", n, "value"] = what
+                value = 0.0
             each.update(low=max(value - slack, 0.0), high=value + slack)
-    try:
-        plan = SocialGraph.model_validate(data)
-    except ValidationError as error:
-        raise describe_fault(error, name, lines) from error
-    except RecursionError as error:
-        raise InputError(f"{name}: nested too deeply") from error
+    plan = _validate(data, faults, lines, known)
+    if faults := {path: what for path, what in faults.items() if path not in known}:
+        raise PlanFault(name, lines, faults)
+    if plan is None:
+        raise PlanFault(name, lines, dict.fromkeys(known, "is wrong"))
     as_read = bool(text) and digest == compute_digest(plan, text)
     return PlanFile(plan, text or "", as_read, name, lines)
 
 
-def describe_fault(
-    error: ValidationError,
-    name: str,
-    lines: Mapping[Path_, int],
-    model: type[Model] = SocialGraph,
-) -> InputError:
-    """The first fault of a file, with its line, its field and what would do."""
-    # A field that nobody knows explains why another one is missing.
-    faults = error.errors(include_url=False)
-    first = next((each for each in faults if each["type"] == "extra_forbidden"), faults[0])
-    path: Path_ = tuple(first["loc"])
-    cause = first.get("ctx", {}).get("error")
-    if isinstance(cause, FieldError):
-        path = (*path, *cause.at)
-    what = first["msg"].removeprefix("Value error, ")
-    given = first["input"]
-    if first["type"] == "extra_forbidden":
-        known = _list_fields_at(path[:-1], model)
-        near = get_close_matches(str(path[-1]), known, 1)
-        meant = f"; is {near[0]} meant?" if near else f"; there are {', '.join(known)}"
-        if str(path[-1])[:1].isdigit():
-            meant = "; a comma ends a field, decimals have a point, such as 1.2"
-        what = f"there is no such field{meant}"
-    elif first["type"] == "missing":
-        what = "is missing"
-    elif first["type"] == "literal_error":
-        what = f"must be {first['ctx']['expected']}, not {_quote(given)}"
-    elif path and path[-1] == "time_of_day":
-        what = f'a clock time such as "08:00" or a span "07:00-09:30", not {_quote(given)}'
-    elif first["type"] == "string_pattern_mismatch":
-        what = f"a name such as {_EXAMPLES.get(str(path[-1]), 'vehicle-1')}, not {_quote(given)}"
-    elif first["type"] in ("model_type", "model_attributes_type"):
-        what = f"holds fields such as {', '.join(_list_fields_at(path, model)[:3])}"
-    elif not isinstance(cause, FieldError):
-        unit = UNIT_OF.get(str(path[-1]), "") if path else ""
-        wanted = _WANTED.get(first["type"])
-        what = wanted.format(**first.get("ctx", {})) if wanted else f"{what[0].lower()}{what[1:]}"
-        if first["type"] != "tuple_type":  # a list has no unit, and what is given may be a range
-            what = f"{what} {unit}".rstrip() + f", not {_quote(given)}"
-    if path[:1] == ("measures",) and (*path[:2], "value") in lines:
-        path = (*path[:2], "value") if path[2:] in (("low",), ("high",)) else path
-    return build_fault(name, lines, path, what)
+def _validate(
+    data: dict[str, Any], faults: dict[Path_, str], lines: Mapping[Path_, int], known: Set[Path_]
+) -> SocialGraph | None:
+    """The plan; None where it is none, with what is wrong in `faults`.
+
+    A field that is wrong hides what is wrong with those that are checked after it, so it is left
+    out, and what remains is checked again.
+    """
+    spots = {name: list(range(len(own))) for name, own in data.items() if isinstance(own, list)}
+    lost: set[str] = set()
+    turn = -1
+    while True:
+        turn += 1
+        try:
+            return SocialGraph.model_validate(data)
+        except RecursionError:
+            faults[()] = "nested too deeply"
+            return None
+        except ValidationError as error:
+            found = describe_faults(error, lines)
+        entries: set[tuple[str, int]] = set()
+        for path, what in found.items():
+            at = path
+            if len(path) > 1 and (section := str(path[0])) in spots:
+                entries.add((section, n := int(path[1])))
+                at = (section, spots[section][n], *path[2:])
+            # An entry that is wrong may be what others need.
+            needs = path[:1] == ("objects",) or path[-1:] == ("manoeuvre",)
+            left_out = (turn and what == _MISSING) or (needs and "relations" in lost)
+            if at not in known and not left_out:
+                faults.setdefault(at, what)
+        if any(_leave_out(data, path) for path in found):
+            continue
+        lost |= {section for section, _ in entries}
+        if not entries or "agents" in lost:
+            return None
+        for section, n in sorted(entries, reverse=True):
+            del data[section][n], spots[section][n]
 
 
+def _leave_out(data: Any, path: Path_) -> bool:
+    """Take a field out of plain data; whether it was there."""
+    for step in path[:-1]:
+        data = data.get(step) if isinstance(data, dict) else data[step]
+    if not path or not isinstance(data, dict) or path[-1] not in data:
+        return False
+    del data[path[-1]]
+    return True
+
+
+def describe_faults(
+    error: ValidationError, lines: Mapping[Path_, int], model: type[Model] = SocialGraph
+) -> dict[Path_, str]:
+    """What is wrong with the fields of a file, and what would do, by their paths."""
+    found: dict[Path_, str] = {}
+    meant: set[Path_] = set()
+    for each in error.errors(include_url=False):
+        cause = each.get("ctx", {}).get("error")
+        own = cause.faults if isinstance(cause, FieldErrors) else (cause,)
+        for fault in own:
+            path: Path_ = tuple(each["loc"])
+            path = (*path, *fault.at) if isinstance(fault, FieldError) else path
+            known = _list_fields_at(path[:-1], model) if each["type"] == "extra_forbidden" else []
+            near = get_close_matches(str(path[-1]), known, 1) if path else []
+            meant |= {(*path[:-1], name) for name in near}
+            what = str(fault) if isinstance(fault, FieldError) else _word_fault(each, path, model)
+            if known:
+                says = f"; is {near[0]} meant?" if near else f"; there are {', '.join(known)}"
+                if str(path[-1])[:1].isdigit():
+                    says = "; a comma ends a field, decimals have a point, such as 1.2"
+                what = f"there is no such field{says}"
+            if path[2:] in (("low",), ("high",)) and (*path[:2], "value") in lines:
+                path = (*path[:2], "value") if path[0] == "measures" else path
+            found.setdefault(path, what)
+    # A field that is missing was meant by another one's name.
+    return {path: what for path, what in found.items() if path not in meant}
+
+
+def _word_fault(fault: ErrorDetails, path: Path_, model: type[Model]) -> str:
+    """What would do in a field, and what stands there instead."""
+    last, given = str(path[-1]) if path else "", fault["input"]
+    match fault["type"]:
+        case "missing":
+            return _MISSING
+        case "literal_error":
+            return f"must be {fault['ctx']['expected']}, not {_quote(given)}"
+        case _ if last == "time_of_day":
+            return f'a clock time such as "08:00" or a span "07:00-09:30", not {_quote(given)}'
+        case "string_pattern_mismatch":
+            return f"a name such as {_EXAMPLES.get(last, 'vehicle-1')}, not {_quote(given)}"
+        case "model_type" | "model_attributes_type":
+            return f"holds fields such as {', '.join(_list_fields_at(path, model)[:3])}"
+    what = fault["msg"].removeprefix("Value error, ")
+    wanted = _WANTED.get(fault["type"])
+    what = wanted.format(**fault.get("ctx", {})) if wanted else f"{what[0].lower()}{what[1:]}"
+    if fault["type"] == "tuple_type":  # a list has no unit, and what is given may be a range
+        return what
+    return f"{what} {UNIT_OF.get(last, '')}".rstrip() + f", not {_quote(given)}"
+
+
+_MISSING = "is missing"
 _WANTED = {
     "tuple_type": "a list, such as [0.8, 2.0], or with '- ' before each entry",
     "int_parsing": "a whole number", "int_from_float": "a whole number",
@@ -678,8 +775,9 @@ def build_plan_schema() -> dict[str, Any]:
                 kept = {key: own.pop(key) for key in ("description", "unit") if key in own}
                 model["properties"][name] = {**kept, "anyOf": [own, open_, choices]}
             elif name in ("lead", "figure"):
+                kept = {key: own[key] for key in ("description", "unit") if key in own}
                 ends = {"type": "array", "items": {"type": ["number", "string"]}}
-                model["properties"][name] = {"description": own["description"], **ends}
+                model["properties"][name] = {**kept, **ends}
             elif "const" not in own and "array" not in types and name not in ("id", "background"):
                 kept = {key: own.pop(key) for key in ("description",) if key in own}
                 also = [{"type": "string", "pattern": "^has "}] if name in LEG_FIELDS else []

@@ -39,6 +39,11 @@ RejectionCode = Literal[
     "work_spent",
 ]
 
+SEARCHED: frozenset[RejectionCode] = frozenset((
+    "no_surviving_combination", "relation_not_realised", "wrong_braker", "words_not_shown",
+    "background_interferes", "implausible_motion", "unlawful", "work_spent",
+))  # fmt: skip
+"""What a search did not find; another seed may. The other codes hold for every seed."""
 MISPLANNED: tuple[RejectionCode, ...] = ("wrong_braker", "words_not_shown")
 """What a later stage finds and only another plan can mend."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
@@ -13,6 +13,7 @@ from scenewright.scene.base import (
     AgentId,
     Compass,
     FieldError,
+    FieldErrors,
     Model,
     Movement,
     is_left_out,
@@ -25,7 +26,7 @@ from scenewright.scene.kinds import (
     has_trait,
     list_shipped,
 )
-from scenewright.scene.measures import Measure
+from scenewright.scene.measures import UNITS, Measure, find_excess
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
 CollisionKind = Annotated[str, KindOf("collision")]
@@ -56,6 +57,9 @@ MOST_AGENTS, MOST_RELATIONS, MOST_OBJECTS = 12, 12, 6
 """Named agents, relations between them, and standing objects that one graph holds."""
 
 
+GAINED, HARD, DRIVES = 5.0, 4.5, 1.0
+"""Most that a vehicle's speed grows in a second [m/s]; least braking of who brakes hard [m/s^2];
+slowest of who keeps a headway [m/s] (SEMANTICS 5 and 8, and what figures may be off)."""
 MOST_BACKGROUND = 60
 """Background agents of a class that a request may ask for."""
 
@@ -347,11 +351,11 @@ class SceneContext(Model):
     background: Background | None = Field(default=None, description="numbers of the others")
 
 
-def _check_unique(names: Sequence[str], where: str) -> None:
+def _check_unique(names: Sequence[str], where: str) -> Iterator[FieldError]:
     for n, name in enumerate(names):
         if name in names[:n]:
             message = f"{where.removesuffix('s')} ids must be unique; {name} is there twice"
-            raise FieldError(message, where, n, "id")
+            yield FieldError(message, where, n, "id")
 
 
 UNIT_OF = {
@@ -396,54 +400,90 @@ class SocialGraph(Model):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
+        checks = self._list_faults, self._check_chains, self._check_objects, self._check_figures
+        if faults := [fault for check in checks for fault in check()]:
+            raise FieldErrors(faults)
+        return self
+
+    def _list_faults(self) -> Iterator[FieldError]:
         ids = [agent.id for agent in self.agents]
-        _check_unique(ids, "agents")
+        yield from _check_unique(ids, "agents")
         known = ", ".join(ids) or "none"
         for n, edge in enumerate(self.relations):
             for field, name in (("from", edge.from_), ("to", edge.to)):
                 if name not in ids:
                     message = f"{edge.type}: {name} is not among the agents, {known}"
-                    raise FieldError(message, "relations", n, field)
-        self._check_chains()
+                    yield FieldError(message, "relations", n, field)
         for n, tie in enumerate(self.ties):
             for field, name in (("agent", tie.agent), ("of", tie.of)):
                 if name not in ids:
                     message = f"a tie of entries names {name}; the agents are {known}"
-                    raise FieldError(message, "ties", n, field)
-        self._check_objects()
+                    yield FieldError(message, "ties", n, field)
         for n, each in enumerate(self.measures):
             for field, asked in (("agent", each.agent), ("other", each.other)):
                 if asked not in (None, *ids):
                     message = f"{each.kind} is asked of {asked}; the agents are {known}"
-                    raise FieldError(message, "measures", n, field)
-        return self
+                    yield FieldError(message, "measures", n, field)
+            if fault := find_excess(each):
+                yield FieldError(str(fault), "measures", n, *fault.at)
 
-    def _check_chains(self) -> None:
+    def _check_chains(self) -> Iterator[FieldError]:
         """Check that who is pushed into another vehicle is struck by a third."""
         struck = {edge.to for edge in self.relations if edge.type == "collide_at"}
         for n, edge in enumerate(self.relations):
             if edge.is_pushed and edge.from_ not in struck:
                 message = f"{edge.from_} is pushed into {edge.to}, but no agent strikes it"
-                raise FieldError(message, "relations", n, "manoeuvre")
+                yield FieldError(message, "relations", n, "manoeuvre")
 
-    def _check_objects(self) -> None:
-        _check_unique([each.id for each in self.objects], "objects")
+    def _check_objects(self) -> Iterator[FieldError]:
+        yield from _check_unique([each.id for each in self.objects], "objects")
         bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
         hiding = {each.id for each in self.objects if each.hides is not None}
         for n, each in enumerate(self.objects):
             at, hides = ("objects", n), each.hides
             if each.beyond is not None and each.beyond not in hiding - {each.id}:
                 message = f"{each.id} is beyond {each.beyond}, which hides no agent"
-                raise FieldError(message, *at, "beyond")
+                yield FieldError(message, *at, "beyond")
             if hides is not None and frozenset((hides, each.hidden_from)) not in bound:
                 who = f"{each.id} hides {hides} from {each.hidden_from}"
-                raise FieldError(f"{who}, but no relation binds the two", *at, "hides")
+                yield FieldError(f"{who}, but no relation binds the two", *at, "hides")
             if hides is not None and hides.startswith("vehicle"):
                 message = f"{each.id} can hide a pedestrian or rider, not {hides}"
-                raise FieldError(message, *at, "hides")
-        self._check_encounters()
+                yield FieldError(message, *at, "hides")
+        yield from self._check_encounters()
 
-    def _check_encounters(self) -> None:
+    def _check_figures(self) -> Iterator[FieldError]:
+        """Figures that exclude one another wherever and however the agents move."""
+        asked = {(each.kind, each.agent, each.other): each for each in self.measures}
+        for n, edge in enumerate(self.relations):
+            # Of two of which one is a pedestrian, the other one's speed is that of the impact.
+            striker = edge.to if edge.from_.startswith("pedestrian") else edge.from_
+            kept = asked.get(("speed", striker, None))
+            if edge.impact_speed and kept and edge.impact_speed > kept.high + GAINED:
+                message = f"{striker} keeps {kept.high:.3g} m/s at most and gains {GAINED:g} m/s"
+                message += (
+                    f" in the last second, so it cannot strike at {edge.impact_speed:.3g} m/s"
+                )
+                yield FieldError(message, "relations", n, "impact_speed")
+            brakes = asked.get(("braking", edge.to, None))
+            if (
+                has_trait("manoeuvre", edge.manoeuvre, "by_to")
+                and brakes
+                and brakes.high < HARD - 0.5
+            ):
+                at = "measures", self.measures.index(brakes), "high"
+                yield FieldError(f"who {edge.manoeuvre} brakes at {HARD:g} m/s2 or more", *at)
+        for n, gap in enumerate(self.measures):
+            headway = asked.get(("headway", gap.agent, gap.other))
+            if gap.kind != "gap" or headway is None:
+                continue
+            least, most = DRIVES * headway.low, UNITS["speed"].most * headway.high
+            if gap.high < least or gap.low > most:
+                message = f"a headway of {headway.low:.3g} to {headway.high:.3g} s is a gap of "
+                message += f"{least:.3g} to {most:.3g} m, not of {gap.low:.3g} to {gap.high:.3g} m"
+                yield FieldError(message, "measures", n, "high")
+
+    def _check_encounters(self) -> Iterator[FieldError]:
         """Check that agents meeting an object exist, meet one only, and pass it only on the way
         to another relation."""
         met = [
@@ -455,11 +495,11 @@ class SocialGraph(Model):
         ids = {agent.id for agent in self.agents}
         for at, own, each in met:
             if each.agent not in ids:
-                raise FieldError(f"{own.id} is met by {each.agent}, which is not in the scene", *at)
+                yield FieldError(f"{own.id} is met by {each.agent}, which is not in the scene", *at)
             if sum(other.agent == each.agent for *_, other in met) > 1:
-                raise FieldError(f"{each.agent} can meet one object only", *at)
+                yield FieldError(f"{each.agent} can meet one object only", *at)
             if not has_trait("encounter", each.encounter, "drives_on") and each.agent in busy:
-                raise FieldError(f"{each.agent} stops at {own.id}, so no relation can bind it", *at)
+                yield FieldError(f"{each.agent} stops at {own.id}, so no relation can bind it", *at)
 
     def agent(self, agent_id: str) -> AgentNode:
         """The vertex with this id; KeyError if there is none."""

@@ -20,6 +20,7 @@ _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?"
 _ONE = re.compile(rf"({_NUMBER})\s*(\S*)")
 _RANGE = re.compile(rf"({_NUMBER})\s*\.\.\s*({_NUMBER})\s*(\S*)")
 _DRAWN = re.compile(rf"(normal|lognormal)\(\s*({_NUMBER})\s*,\s*({_NUMBER})\s*\)\s*(\S*)")
+_TIME_SPAN = re.compile(r"([01]\d|2[0-3]):([0-5]\d)-([01]\d|2[0-3]):([0-5]\d)")
 _TAIL = 0.001
 """Share of a distribution beyond either of its corners."""
 
@@ -29,13 +30,14 @@ class Spread:
     """What a field may be.
 
     Attributes:
-        kind: all of a `list`, or a number: evenly in a `range`, or drawn from `normal` (mean,
-            standard deviation) or `lognormal` (median, standard deviation of the logarithm).
-        values: of the list; or the two numbers, in SI units.
+        kind: all of a `list`; a number, evenly in a `range`, or drawn from `normal` (mean,
+            standard deviation) or `lognormal` (median, standard deviation of the logarithm); or
+            a clock time, evenly between two `times`.
+        values: of the list; or the two numbers, in SI units; of times in minutes.
         whole: only whole numbers.
     """
 
-    kind: Literal["list", "range", "normal", "lognormal"]
+    kind: Literal["list", "range", "normal", "lognormal", "times"]
     values: tuple[Any, ...]
     whole: bool = False
 
@@ -44,6 +46,9 @@ class Spread:
         if self.kind == "list":
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         low, high = self.values
+        if self.kind == "times":
+            minute = round(low + share * (high - low)) % (24 * 60)
+            return f"{minute // 60:02}:{minute % 60:02}"
         if self.kind == "range" and self.whole:
             return min(int(low + share * (high - low + 1)), int(high))
         if self.kind == "range":
@@ -71,19 +76,31 @@ def read_spread(text: str, unit: str | None, *, whole: bool) -> Spread | None:
     return None
 
 
-def find_fault(spread: Spread) -> str | None:
-    """Why a spread cannot be drawn from; None where it can."""
+def check_spread(spread: Spread) -> None:
+    """ValueError for a spread that cannot be drawn from."""
     if spread.kind == "list":
         plain = all(isinstance(each, str | int | float | None) for each in spread.values)
-        return None if spread.values and plain else "a list of values to choose from needs some"
+        if not (spread.values and plain):
+            raise ValueError("a list of values to choose from needs some")
+        return
     first, second = spread.values
     if not all(map(math.isfinite, spread.values)):
-        return "the numbers are too large"
-    if spread.kind == "range":
-        return None if first <= second else "a range goes upwards, such as 0.4 .. 1.2 s"
+        raise ValueError("the numbers are too large")
+    if spread.kind == "range" and first > second:
+        raise ValueError("a range goes upwards, such as 0.4 .. 1.2 s")
     if spread.kind == "lognormal" and first <= 0:
-        return "the median of a lognormal distribution is above 0"
-    return None if second > 0 else "the second number of a distribution is its spread, above 0"
+        raise ValueError("the median of a lognormal distribution is above 0")
+    if spread.kind in ("normal", "lognormal") and second <= 0:
+        raise ValueError("the second number of a distribution is its spread, above 0")
+
+
+def read_time_span(text: str) -> Spread | None:
+    """The span between two clock times, which may go over midnight; None for another text."""
+    if (found := _TIME_SPAN.fullmatch(text)) is None:
+        return None
+    hours, minutes, to_hours, to_minutes = map(int, found.groups())
+    first, last = 60 * hours + minutes, 60 * to_hours + to_minutes
+    return Spread("times", (first, last if last >= first else last + 24 * 60))
 
 
 def read_number(value: Any, unit: str | None) -> Any:

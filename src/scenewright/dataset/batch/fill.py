@@ -16,14 +16,14 @@ from scenewright.scene.social import RelationEdge
 _ASKED: Mapping[str, tuple[str, Any]] = {
     **dict.fromkeys(("pet", "asked_pet"), ("near_miss", "target_pet")),
     **dict.fromkeys(("ttc", "asked_ttc"), ("near_miss", "target_ttc")),
-    **dict.fromkeys(("closing_speed", "asked_speed"), ("collision", "impact_speed")),
+    "asked_speed": ("collision", "impact_speed"),
     **dict.fromkeys(("speed_from", "speed_to"), ("collision", "contact_speed")),
     "headway": ("follow", "headway"),
     "gap": ("follow", "gap"),
 }
 """Numbers that can be asked for: at which event, and the field of the relation, for the middle of
 the bin, or the figure, within the bin."""
-_NEVER = ("asked", "caused_by", "avoidable", "ttc_2d", "drac", "agents")
+_NEVER = ("asked", "caused_by", "avoidable", "ttc_2d", "drac", "closing_speed", "agents")
 """Items that come of a scene and cannot be asked for."""
 
 

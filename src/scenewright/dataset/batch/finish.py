@@ -186,7 +186,10 @@ def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
         "selection": options.selection,
         "attempts": entry.attempts,
     }
-    return SceneFiles.read(out, about)
+    files = SceneFiles.read(out, about)
+    if files.scene is not None:
+        about["seed"] = files.scene["meta"]["seed"]  # of several that were drawn, the one that did
+    return files
 
 
 def _build_contents(

@@ -34,7 +34,8 @@ from scenewright.graph.written_proof import read_proof
 from scenewright.intersections import list_intersections, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.plan_file import LogicalPlan, format_path
+from scenewright.scene.plan_file import LogicalPlan, PlanFault, format_path
+from scenewright.scene.rejection import SEARCHED
 from scenewright.scene.spread import Spread
 
 Sampling = Literal["grid", "lhs", "sobol", "boundary"]
@@ -46,7 +47,8 @@ MOST_TRIES = 64
 BINS = 10
 """Into which the values of a number are divided, to see which of them were measured."""
 _FIELD = re.compile(r"(agents|relations|measures|context)(?:\[(\d+)\])?\.(\w+)")
-_EVIDENCE = {"target_pet": "pet", "target_ttc": "path_ttc", "impact_speed": "relative_speed"}
+_TIME = re.compile(r"\d\d:\d\d")
+_EVIDENCE = {"target_pet": "pet", "target_ttc": "path_ttc"}
 """Field of a relation -> what the checker measures of it."""
 
 
@@ -121,7 +123,7 @@ def build_points(
             try:
                 placed.settle(values)
             except InputError as error:
-                point = replace(point, fault=str(error))
+                point = replace(point, fault="; ".join(error.lines))
             found.append(point)
     return found
 
@@ -137,7 +139,9 @@ def load_places(plan: LogicalPlan, place: str) -> dict[str, IntersectionMap]:
     try:
         return {name: load_map(name) for name in names}
     except InputError as error:
-        raise plan.build_fault(("intersections",), str(error)) if plan.places else error from error
+        if not plan.places:
+            raise
+        raise PlanFault(plan.name, plan.lines, {("intersections",): str(error)}) from error
 
 
 def _draw_values(
@@ -204,7 +208,11 @@ def run_sweep(
 
 
 def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) -> str:
-    """The table: each point's values, what became of it, and how many run a red light unasked."""
+    """The table: each point's values, what became of it, and how many run a red light unasked.
+
+    A point is infeasible where its values are no plan, or no seed could make a scene of it; where
+    seeds were tried in vain it is not found.
+    """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     paths = sorted({**plan.spreads, **plan.legs}, key=plan.get_line)
@@ -215,18 +223,17 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
     with Journal(request.out, name=None, header=header) as journal:
         number = 0
         for each in points:
-            status, code, reason, folder, lights = "infeasible", "no_plan", each.fault, "", ""
+            end = ["infeasible", "no_plan", each.fault, "", ""]
             if each.fault is None:
-                entry = journal.get_entry(number)
-                number += 1
-                status, code, reason = "left", "", ""
+                entry, number = journal.get_entry(number), number + 1
+                end = ["left", "", "", "", ""]
                 if entry is not None:
-                    status = "infeasible" if entry.status == "refused" else entry.status
-                    code, reason = entry.code or "", entry.reason or ""
-                if entry is not None and status == "made":
-                    proof = read_proof(request.out / entry.folder / "proof.json")
-                    folder, lights = f"{SCENES}/{entry.folder}", str(proof.unasked_red_lights)
-            end = (status, code, reason, folder, lights)
+                    end[:3] = entry.status, entry.code, entry.reason
+                    if entry.status == "refused":
+                        end[0] = "not_found" if entry.code in SEARCHED else "infeasible"
+                    elif entry.status == "made":
+                        proof = read_proof(request.out / entry.folder / "proof.json")
+                        end[3:] = f"{SCENES}/{entry.folder}", str(proof.unasked_red_lights)
             values = [each.values.get(path, "") for path in paths]
             table.writerow([each.name, *([each.place] if place else []), *values, *end])
     return text.getvalue()
@@ -253,6 +260,9 @@ def measure_sweep(folder: Path) -> list[Covered]:
     for name in fields:
         tried = [row for row in rows if row[name] != ""]  # a place without such a leg has none
         points: list[Any] = [row[name] for row in tried]
+        if len(set(points)) > BINS and all(map(_TIME.fullmatch, points)):
+            points = [f"{time[:2]}:00" for time in points]
+            measured = [each | {name: f"{each[name][:2]}:00"} for each in measured]
         try:
             points = list(map(float, points))
         except ValueError:
@@ -292,5 +302,9 @@ def _measure_field(found: re.Match[str], scene: Mapping[str, Any], proof: Mappin
     for event in proof["events"]:
         same = {event["from"], event["to"]} == {asked["from"], asked["to"]}
         if same and event["type"] == asked["type"]:
-            return (event | event["evidence"]).get(_EVIDENCE.get(key, key))
+            # As the checker has it: of who strikes a pedestrian, else of the relation's `from`.
+            own = event["kind"] == "pedestrian_strike" or asked["from"] == event["from"]
+            impact = event["evidence"].get("speed_from" if own else "speed_to")
+            measured = event | event["evidence"] | {"impact_speed": impact}
+            return measured.get(_EVIDENCE.get(key, key))
     return None

@@ -24,6 +24,7 @@ from scenewright.dataset.tables.splits import Split
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
 from scenewright.scene.plan_fields import word_plan
 from scenewright.scene.plan_file import PlanFile
+from scenewright.scene.rejection import SEARCHED
 from scenewright.time_limit import DEFAULT_LIMIT
 
 Status = Literal["made", "refused", "failed"]
@@ -45,6 +46,7 @@ class Options:
         max_agents: most agents of a scene; what the environment says where none is named, so that
             the dataset's own files say; None for as many as the time of day has.
         lawful: a scene in which an agent runs a red light unasked is refused.
+        draws: seeds that a row is tried with, one after the other, as long as none finds a scene.
         time_limit: the emergency brake: longest that a scene may be computed [s]; it may change
             from run to run, as it never changes a scene.
     """
@@ -58,6 +60,7 @@ class Options:
     lenient: bool = False
     max_agents: int | None = None
     lawful: bool = False
+    draws: int = 1
     time_limit: float = DEFAULT_LIMIT
 
     def __post_init__(self) -> None:
@@ -74,6 +77,8 @@ class Options:
                 del found[name]
         if self.max_agents is None:
             del found["max_agents"]
+        if self.draws == 1:
+            del found["draws"]
         return found
 
 
@@ -152,6 +157,10 @@ def work(job: Job) -> Outcome:
     """The scene of a job, or why there is none; never an exception, for other rows wait."""
     start = time.perf_counter()
     outcome = _run_job(job)
+    for n in range(1, job.options.draws):
+        if outcome.code not in SEARCHED:
+            break
+        outcome = _run_job(replace(job, seed=job.seed ^ n))
     seconds = round(time.perf_counter() - start, 4)
     reason = None if outcome.reason is None else " ".join(outcome.reason.split())
     if reason is not None and len(reason) > _LONGEST_REASON:
@@ -188,7 +197,7 @@ def _run_job(job: Job) -> Outcome:
 def _make_scene(job: Job) -> Outcome:
     from scenewright.graph.run import encode_scene, synthesize
 
-    shared = dict(vars(job.options))
+    shared = {name: each for name, each in vars(job.options).items() if name != "draws"}
     backend = _load_backend(shared.pop("backend"), shared.pop("base_url"), job.asking)
     scene = synthesize(
         job.text if job.plan is None else job.plan,

@@ -2,6 +2,6 @@
 
 `order_spec` reads the order, `scenario_spec` decides what each scene is to show, `templates` hold
 texts in many styles, `writers` write an instruction from a template or with a model, `order_log`
-keeps what was written, `agent` is the LangGraph that connects these with the pipeline, `run`
+keeps what was written, `agent` goes round by round with these and the pipeline, `run`
 carries an order out and reports on it.
 """

@@ -1,6 +1,4 @@
-"""The agent that fills an order: a LangGraph of `write`, `make`, `settle`, round and round.
-
-    read -> write -> make -> settle -> write ... -> report
+"""The agent that fills an order: `write`, `make`, `settle`, round and round.
 
 What the order wants becomes slots, one for each scene. `write` words an instruction for every open
 slot, `make` has the pipeline carry them out, `settle` looks at what came of it. A slot whose
@@ -14,11 +12,6 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import Any, Literal, TypedDict
-
-from langgraph.graph import END, START, StateGraph
-from langgraph.runtime import Runtime
 
 from scenewright.dataset.batch.answering import Asking, Names, find_url, make_plain_name
 from scenewright.dataset.batch.carry_out import (
@@ -44,14 +37,6 @@ from scenewright.dataset.orders.writers import Writer
 
 FEW = 12
 """Texts for which no workers are started."""
-
-
-class OrderState(TypedDict, total=False):
-    """Channels of the agent."""
-
-    slots: tuple[Slot, ...]
-    due: tuple[OrderEntry, ...]
-    spent: int
 
 
 @dataclass(frozen=True)
@@ -80,104 +65,51 @@ class OrderContext:
     log: ProgressCallback
 
 
-class WriteReads(TypedDict):
-    """Channels that `write` reads."""
+def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
+    """The order's slots, with what was made for each; patterns are dealt out evenly."""
+    wish, spent = context.wish, 0
+    slots = tuple(build_slots(wish, seed=context.options.seed, places=context.places))
+    while True:
+        slots, due = write(slots, context, most=context.budget - spent)
+        spent += len(due)
+        jobs = build_jobs(
+            context.book.entries, slots, context.options, context.asking, held=context.held
+        )
+        context.batch.carry_out(
+            jobs, of=len(jobs), workers=context.workers, engine=context.engine,
+            limit=context.limit, log=context.log,
+        )  # fmt: skip
+        slots = settle(slots, due, context)
+        if spent >= context.budget or not any(slot.open for slot in slots):
+            return slots
 
-    slots: tuple[Slot, ...]
-    spent: int
 
-
-def read(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
-    """The wish becomes slots, patterns dealt out evenly."""
-    del state
-    context = runtime.context
-    slots = build_slots(context.wish, seed=context.options.seed, places=context.places)
-    return {"slots": tuple(slots), "spent": 0}
-
-
-def write(state: WriteReads, *, runtime: Runtime[OrderContext]) -> OrderState:
-    """An instruction for every open slot, as far as the budget goes."""
-    context = runtime.context
-    open_slots = [slot for slot in state["slots"] if slot.open]
-    due = open_slots[: context.budget - state["spent"]]
-    slots = {slot.number: replace(slot, attempts=slot.attempts + 1) for slot in due}
-    new = [each for each in slots.values() if not context.book.find(each.number, each.attempts)]
+def write(
+    slots: Sequence[Slot], context: OrderContext, *, most: int
+) -> tuple[tuple[Slot, ...], list[OrderEntry]]:
+    """The slots, and an instruction for each open one, as far as the budget goes."""
+    due = [slot for slot in slots if slot.open][:most]
+    tried = {slot.number: replace(slot, attempts=slot.attempts + 1) for slot in due}
+    new = [each for each in tried.values() if not context.book.find(each.number, each.attempts)]
     for slot, wording in zip(new, _word_slots(new, context), strict=True):
         context.book.add(_build_entry(slot, wording, context))
-    found = (context.book.find(each.number, each.attempts) for each in slots.values())
-    entries = tuple(each for each in found if each is not None)
-    after = tuple(slots.get(slot.number, slot) for slot in state["slots"])
-    return {"slots": after, "due": entries, "spent": state["spent"] + len(due)}
+    found = (context.book.find(each.number, each.attempts) for each in tried.values())
+    entries = [each for each in found if each is not None]
+    return tuple(tried.get(slot.number, slot) for slot in slots), entries
 
 
-class MakeReads(TypedDict):
-    """Channels that `make` reads."""
-
-    slots: tuple[Slot, ...]
-
-
-def make(state: MakeReads, *, runtime: Runtime[OrderContext]) -> OrderState:
-    """The pipeline carries out all that was written; what is done is left alone."""
-    context = runtime.context
-    jobs = build_jobs(
-        context.book.entries, state["slots"], context.options, context.asking, held=context.held
-    )
-    context.batch.carry_out(
-        jobs, of=len(jobs), workers=context.workers, engine=context.engine, limit=context.limit,
-        log=context.log,
-    )  # fmt: skip
-    return {}
-
-
-class SettleReads(TypedDict):
-    """Channels that `settle` reads."""
-
-    slots: tuple[Slot, ...]
-    due: tuple[OrderEntry, ...]
-
-
-def settle(state: SettleReads, *, runtime: Runtime[OrderContext]) -> OrderState:
+def settle(
+    slots: Sequence[Slot], due: Sequence[OrderEntry], context: OrderContext
+) -> tuple[Slot, ...]:
     """A slot is filled by a scene; one that shows something else was refused when it was made."""
-    context = runtime.context
-    slots = {slot.number: slot for slot in state["slots"]}
-    for entry in state["due"]:
-        slot = slots[entry.slot]
+    found = {slot.number: slot for slot in slots}
+    for entry in due:
         done = context.batch.journal.get_entry(context.book.number[entry.id])
         if done is not None and done.code == "backend_failed":
-            slots[slot.number] = replace(slot, waiting=True)
+            found[entry.slot] = replace(found[entry.slot], waiting=True)
         elif done is not None and done.status == "made":
-            slots[slot.number] = replace(slot, filled=entry.id)
-    return {"slots": tuple(slots.values())}
-
-
-class RouteReads(TypedDict):
-    """Channels that the route reads."""
-
-    slots: tuple[Slot, ...]
-    due: tuple[OrderEntry, ...]
-    spent: int
-
-
-def choose_next(state: RouteReads, *, runtime: Runtime[OrderContext]) -> Literal["write", "end"]:
-    """Another round, as long as slots are open and the budget is not spent."""
-    left = runtime.context.budget - state["spent"]
-    return "write" if left > 0 and any(slot.open for slot in state["slots"]) else "end"
-
-
-@cache
-def build_order_graph() -> Any:
-    """The compiled agent."""
-    graph: StateGraph[OrderState, OrderContext, OrderState, OrderState] = StateGraph(
-        OrderState, context_schema=OrderContext
-    )
-    for name, node in (("read", read), ("write", write), ("make", make), ("settle", settle)):
-        graph.add_node(name, node)
-    graph.add_edge(START, "read")
-    graph.add_edge("read", "write")
-    graph.add_edge("write", "make")
-    graph.add_edge("make", "settle")
-    graph.add_conditional_edges("settle", choose_next, {"write": "write", "end": END})
-    return graph.compile(name="order")
+            found[entry.slot] = replace(found[entry.slot], filled=entry.id)
+    return tuple(found.values())
 
 
 def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterator[Slot]:

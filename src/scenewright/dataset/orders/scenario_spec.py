@@ -6,15 +6,16 @@ what cannot be.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.scene.base import OPPOSITE, RIDERS, AgentClass, Compass, Movement
-from scenewright.scene.map import IntersectionMap, VehicleMovement
+from scenewright.scene.base import RIDERS, AgentClass, Compass, Movement
+from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import Pattern, Role, load_patterns
 from scenewright.scene.social import Density
+from scenewright.tools.map_grounding.grounding import list_meetings
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ def list_parties(
         (rider or RIDERS[int(rng.integers(len(RIDERS)))]) if role.type == "rider" else role.type
         for role in (pattern.from_, pattern.to)
     ]
-    options = list(_list_meetings(pattern, intersection_map))
+    options = _list_meetings(pattern, intersection_map)
     met = bool(options) and options[0][1].tie is not None
     if not options or (detail == 0 and not met):
         return _make_bare_party(pattern.from_, kinds[0], rng), _make_bare_party(
@@ -120,85 +121,19 @@ def _drop_side(party: Party, hide_walk: bool) -> Party:
 
 def _list_meetings(
     pattern: Pattern, intersection_map: IntersectionMap
-) -> Iterator[tuple[Party, Party]]:
+) -> list[tuple[Party, Party]]:
     """Every pair of ways on the map that the pattern's two can take."""
-    on_foot = {"crossing", "jaywalking"}  # or riding on a crosswalk
-    walking = [set(role.movements) <= on_foot for role in (pattern.from_, pattern.to)]
-    if all(walking) and pattern.zone == "sidewalk":
-        yield Party("pedestrian", "crossing"), Party("pedestrian", "crossing", tie="corner")
-    elif all(walking):
-        for walk in intersection_map.crosswalks:
-            yield (Party("pedestrian", "crossing", crosswalk=walk.leg),) * 2
-    elif walking[1]:
-        for walker, driver in _list_strikes(pattern.to, pattern.from_, intersection_map):
-            yield driver, walker
-    elif walking[0]:
-        yield from _list_strikes(pattern.from_, pattern.to, intersection_map)
-    else:
-        yield from _list_pairs(pattern, intersection_map)
+    if pattern.zone == "sidewalk":
+        return [(Party("pedestrian", "crossing"), Party("pedestrian", "crossing", tie="corner"))]
+    met = list_meetings(pattern, intersection_map)
+    return list(dict.fromkeys((_make_party(one), _make_party(other)) for one, other in met))
 
 
-def _list_strikes(
-    walks: Role, drives: Role, intersection_map: IntersectionMap
-) -> Iterator[tuple[Party, Party]]:
-    """(pedestrian, vehicle): a crosswalk that the vehicle's way leads over."""
-    for way in _list_movements(drives, intersection_map):
-        driver = Party("vehicle", way.turn, side=way.entry)
-        for walk in intersection_map.crosswalks:
-            if (
-                "crossing" in walks.movements
-                and frozenset((way.id, walk.id)) in intersection_map.zone_pairs
-            ):
-                yield Party("pedestrian", "crossing", crosswalk=walk.leg), driver
-        if "jaywalking" in walks.movements:
-            yield Party("pedestrian", "jaywalking"), driver
-
-
-def _list_pairs(
-    pattern: Pattern, intersection_map: IntersectionMap
-) -> Iterator[tuple[Party, Party]]:
-    for one in _list_movements(pattern.from_, intersection_map):
-        for other in _list_movements(pattern.to, intersection_map):
-            if _is_geometry_right(pattern, one, other) and _meet(
-                pattern, one, other, intersection_map
-            ):
-                yield (
-                    Party("vehicle", one.turn, side=one.entry),
-                    Party("vehicle", other.turn, side=other.entry),
-                )
-
-
-def _list_movements(role: Role, intersection_map: IntersectionMap) -> list[VehicleMovement]:
-    ways = (*intersection_map.movements, *intersection_map.uturns)
-    return [way for way in ways if way.turn in role.movements]
-
-
-def _is_geometry_right(pattern: Pattern, one: VehicleMovement, other: VehicleMovement) -> bool:
-    match pattern.entries:
-        case "same":
-            return one.entry == other.entry
-        case "opposite":
-            return OPPOSITE[one.entry] == other.entry
-        case "lateral":
-            return other.entry not in (one.entry, OPPOSITE[one.entry])
-        case _:
-            return one.entry != other.entry
-
-
-def _meet(
-    pattern: Pattern,
-    one: VehicleMovement,
-    other: VehicleMovement,
-    intersection_map: IntersectionMap,
-) -> bool:
-    if pattern.geometry in ("same_lane", "same_way", "lane_change", "overtaking", "cutting_in"):
-        return one.id == other.id
-    if pattern.geometry == "turn_across":
-        return one.id != other.id
-    if pattern.geometry == "opposing":
-        return True
-    fits = (one.exit == other.exit) == (pattern.geometry == "merging")
-    return fits and frozenset((one.id, other.id)) in intersection_map.zone_pairs
+def _make_party(route: Route) -> Party:
+    if route.type == "vehicle":
+        return Party("vehicle", route.movement, side=route.entry)
+    walk = route.crosswalk if route.movement == "crossing" else None
+    return Party("pedestrian", route.movement, crosswalk=walk)
 
 
 def has_likelier_twin(pattern: Pattern) -> bool:

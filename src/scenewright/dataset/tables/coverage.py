@@ -16,7 +16,7 @@ from scenewright.geometry.kinematics import differentiate
 from scenewright.scene.base import AgentClass, FieldError, Model, Movement
 from scenewright.scene.events import EventType
 from scenewright.scene.kinds import list_names
-from scenewright.scene.plan_file import build_fault, describe_fault, read_yaml
+from scenewright.scene.plan_file import PlanFault, describe_faults, read_yaml
 from scenewright.scene.social import Density
 from scenewright.scene.spread import read_number
 
@@ -123,9 +123,9 @@ def read_goals(source: Path | dict[str, Any]) -> Goals:
     try:
         goals = Goals.model_validate(data)
     except ValidationError as error:
-        raise describe_fault(error, name, lines, Goals) from error
+        raise PlanFault(name, lines, describe_faults(error, lines, Goals)) from error
     if not goals.dimensions and not goals.crosses:
-        raise build_fault(name, lines, (), "holds no goals; write dimensions or crosses")
+        raise PlanFault(name, lines, {(): "holds no goals; write dimensions or crosses"})
     return goals
 
 

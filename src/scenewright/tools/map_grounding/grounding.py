@@ -187,18 +187,20 @@ def may_run_unasked(
     )
 
 
-def can_be_lawful(pattern: Pattern, *, intersection_map: IntersectionMap) -> bool:
-    """Whether a pattern has routes on a map on which nobody has to run a red light."""
-    if pattern.violator is None:
-        return True
+def list_meetings(pattern: Pattern, intersection_map: IntersectionMap) -> list[tuple[Route, Route]]:
+    """Every pair of routes of a map on which a pattern can be played."""
     mirrored = _is_mirrored(pattern, intersection_map)
     routes = (*intersection_map.routes, *map(make_route, intersection_map.uturns))
     roles = (pattern.from_, pattern.to)
     ways = (_list_playable_routes(routes, role, mirrored=mirrored) for role in roles)
-    return any(
+    return [(a, b) for a, b in product(*ways) if _meet_so(pattern, a, b, intersection_map)]
+
+
+def can_be_lawful(pattern: Pattern, *, intersection_map: IntersectionMap) -> bool:
+    """Whether a pattern has routes on a map on which nobody has to run a red light."""
+    return pattern.violator is None or any(
         share_green(a, b, intersection_map=intersection_map)
-        and _meet_so(pattern, a, b, intersection_map)
-        for a, b in product(*ways)
+        for a, b in list_meetings(pattern, intersection_map)
     )
 
 
