@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import platform
 import time
-from typing import Annotated
 
 import typer
 
-from scenewright.cli.common_options import Json
-from scenewright.cli.console import say_if_new, write_json, write_stdout
+from scenewright.cli.common_options import Json, option
+from scenewright.cli.console import say_if_new, write_result
 from scenewright.cli.errors import NOT_VERIFIED
 
 _TEXT = "A car yields to a pedestrian"
@@ -17,7 +16,7 @@ _TEXT = "A car yields to a pedestrian"
 
 def check_installation(
     as_json: Json = False,
-    seed: Annotated[int, typer.Option(help="Of the scene that is made.")] = 0,
+    seed: int = option(0, "Of the scene that is made."),
 ) -> None:
     """Make a scene, verify it, and say so in one line; nothing is written."""
     from scenewright import __version__
@@ -34,9 +33,7 @@ def check_installation(
         "seconds": round(time.perf_counter() - start, 1),
         "verdict": verdict,
     }
-    if as_json:
-        write_json({"ok": verdict == "verified", **facts})
-    else:
-        write_stdout(", ".join(f"{name} {value}" for name, value in facts.items()) + "\n")
+    text = ", ".join(f"{name} {value}" for name, value in facts.items()) + "\n"
+    write_result({"ok": verdict == "verified", **facts}, text, as_json=as_json)
     if verdict != "verified":
         raise typer.Exit(NOT_VERIFIED)

@@ -1,39 +1,75 @@
-"""Options that many commands have, and commands that take theirs as one object."""
+"""Options of commands: each a parameter, or a field of a dataclass that several commands take.
+
+They are dataclasses, not models of pydantic, as `--help` is to be there before pydantic is loaded.
+"""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, is_dataclass
 from functools import cache
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
+from scenewright.errors import InputError
+
+CommandT = TypeVar("CommandT", bound=Callable[..., None])
+
+
+def option(default: Any, help: str, *names: str, check: Any = None, **more: Any) -> Any:
+    """An option of a command; without names it has that of its parameter.
+
+    Args:
+        default: `...` where it must be given.
+        check: called with its value before the command is, which it returns.
+        more: as `typer.Option` has it, such as `metavar` and `min`.
+    """
+    return _describe(default, typer.Option(*names, help=help, callback=check, **more))
+
+
+def argument(default: Any, help: str, *, check: Any = None, **more: Any) -> Any:
+    """An argument of a command, as `option` is."""
+    return _describe(default, typer.Argument(help=help, callback=check, **more))
+
+
+def _describe(default: Any, info: Any) -> Any:
+    return field(default=MISSING if default is ... else default, metadata={"info": info})
+
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
-BoardFile = Annotated[
-    str | None,
-    typer.Option("--board", metavar="F.json", help="Leaderboard to enter; a page is beside it."),
-]
-BoardName = Annotated[str | None, typer.Option("--name", help="Of the submission, on the board.")]
 
 
-def spread_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with every dataclass among its parameters spread: each field is an option.
+@dataclass(frozen=True)
+class BoardOptions:
+    """Which leaderboard is entered, and under what name."""
 
-    Fields are annotated as typer wants it; those that are dataclasses are spread in turn.
-    """
+    board: str | None = option(None, "Leaderboard to enter; a page is beside it.", metavar="F.json")
+    name: str | None = option(None, "Of the submission, on the board.")
 
-    def run(**values: Any) -> None:
-        command(**_collect(command, values))
+    def __post_init__(self) -> None:
+        if (self.board is None) != (self.name is None):
+            raise InputError("--board and --name go together: which page, and under what name")
 
-    run.__doc__, run.__name__, run.__module__ = (
-        command.__doc__, command.__name__, command.__module__,
-    )  # fmt: skip
-    run.__signature__ = inspect.Signature(list(_list_parameters(command)))  # type: ignore[attr-defined]
-    run.__annotations__ = {}
-    return run
+
+class Commands(typer.Typer):
+    """A group of commands, whose parameters may be dataclasses: each field is then an option."""
+
+    def command(self, name: str | None = None, **more: Any) -> Callable[[CommandT], CommandT]:
+        """Adds a function as a command, and returns it as it is."""
+
+        def add(command: CommandT) -> CommandT:
+            def run(**values: Any) -> None:
+                command(**_collect(command, values))
+
+            run.__doc__, run.__name__, run.__annotations__ = command.__doc__, command.__name__, {}
+            run.__signature__ = inspect.Signature(list(_list_parameters(command)))  # type: ignore[attr-defined]
+            super(Commands, self).command(name, **more)(run)
+            return command
+
+        return add
 
 
 @cache  # the same options stand in several commands
@@ -42,12 +78,20 @@ def _get_hints(made: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _list_parameters(made: Callable[..., Any]) -> Iterator[inspect.Parameter]:
-    hints = _get_hints(made)
+    """Those of a command as typer wants them, or the fields of a dataclass."""
+    hints, fields = _get_hints(made), getattr(made, "__dataclass_fields__", {})
     for name, each in inspect.signature(made).parameters.items():
-        if is_dataclass(hints[name]):
-            yield from _list_parameters(hints[name])
+        found, hint, default = fields.get(name, each.default), hints[name], each.default
+        if isinstance(found, Field) and "info" in found.metadata:
+            info = found.metadata["info"]
+            if hint is bool and not info.param_decls and info.default is ...:
+                info.param_decls = (f"--{name.replace('_', '-')}",)  # and no --no-NAME
+            hint = Annotated[hint, info]
+            default = each.empty if found.default is MISSING else found.default
+        if is_dataclass(hint):
+            yield from _list_parameters(hint)  # type: ignore[arg-type]
         else:
-            yield each.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hints[name])
+            yield each.replace(kind=each.KEYWORD_ONLY, annotation=hint, default=default)
 
 
 def _collect(made: Callable[..., Any], values: dict[str, Any]) -> dict[str, Any]:

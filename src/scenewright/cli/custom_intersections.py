@@ -12,6 +12,7 @@ from scenewright.arrays import read_arrays
 from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
 from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.cli.learned_walks import learn_walks
+from scenewright.cli.views import render
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
 from scenewright.intersections import (
@@ -122,19 +123,13 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
 def _report_files(made: ImportedMap, report: Mapping[str, Any]) -> dict[str, bytes]:
     """The report as files of the bundle: its facts, and the map over the file's own geometry."""
     import json
-    import tempfile
 
     from scenewright.viz.import_picture import draw_import
 
-    with tempfile.TemporaryDirectory() as scratch:
-        picture = Path(scratch) / REPORT_PICTURE
-        draw_import(
-            picture,
-            intersection=made.intersection_map,
-            layers=made.survey.drawn,
-            lines=[f"{item.item}: {item.detail}" for item in made.items],
-        )
-        drawn = picture.read_bytes()
+    drawn = render(lambda path: draw_import(
+        path, intersection=made.intersection_map, layers=made.survey.drawn,
+        lines=[f"{item.item}: {item.detail}" for item in made.items],
+    ))  # fmt: skip
     facts = json.dumps(report, indent=1, ensure_ascii=False) + "\n"
     return {REPORT: facts.encode(), REPORT_PICTURE: drawn}
 

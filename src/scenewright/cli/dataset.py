@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from scenewright.cli.batch import Out, count_cores
-from scenewright.cli.common_options import Json, Quiet
+from scenewright.cli.common_options import Commands, Json, Quiet, argument, option
 from scenewright.cli.console import (
     format_one_line,
     log_line,
     show_progress,
-    write_json,
+    write_result,
     write_stdout,
 )
 from scenewright.cli.errors import NOT_VERIFIED
 from scenewright.cli.export import Ego, Form, To, log_files
 from scenewright.cli.interrupts import stop_if_asked
 
-dataset = typer.Typer(name="dataset", help="Datasets of scenes: check them, make the paper's.")
+dataset = Commands(name="dataset", help="Datasets of scenes: check them, make the paper's.")
 
 Folder = Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
 _SHOWN = 20
@@ -30,13 +30,10 @@ _SHOWN = 20
 @dataset.command("check")
 def check(
     folder: Folder,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; as many as there are cores if not said.")
-    ] = None,
-    public_key: Annotated[
-        str | None,
-        typer.Option(metavar="KEY", help="Demand the signature of this key of minisign, or file."),
-    ] = None,
+    workers: int | None = option(None, "Processes; as many as there are cores if not said.", min=1),
+    public_key: str | None = option(
+        None, "Demand the signature of this key of minisign, or file.", metavar="KEY"
+    ),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -58,19 +55,12 @@ def check(
         found = audit_dataset(Path(folder), workers=workers or count_cores(), log=tell)
     if unsigned is not None:
         found = replace(found, faults=(AuditFault(SIGNATURE, unsigned), *found.faults))
-    about: dict[str, Any] = {
-        "folder": folder,
-        "files": found.files,
-        "scenes": found.scenes,
-        "verified": found.verified,
-        "complete": found.complete,
-    }
-    if as_json:
-        faults = [vars(fault) for fault in found.faults]
-        write_json({"ok": not found.faults, **about, "faults": faults})
-    else:
-        counts = f"{found.files} files, {found.verified} of {found.scenes} proofs confirmed"
-        write_stdout(f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n")
+    about = {key: each for key, each in vars(found).items() if key != "faults"}
+    counts = f"{found.files} files, {found.verified} of {found.scenes} proofs confirmed"
+    text = f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n"
+    faults = [vars(fault) for fault in found.faults]
+    facts = {"ok": not faults, "folder": folder, **about, "faults": faults}
+    write_result(facts, text, as_json=as_json)
     for fault in found.faults[:_SHOWN]:
         log_line(format_one_line(f"{fault.where}: {fault.what}"))
     if len(found.faults) > _SHOWN:
@@ -83,7 +73,7 @@ def check(
 
 @dataset.command("key")
 def make_key(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Secret key to write.")],
+    file: str = argument(..., "Secret key to write.", metavar="FILE"),
 ) -> None:
     """Make a key to sign datasets with: FILE, to keep, and FILE.pub, to give away."""
     from scenewright.dataset.batch.signing import create_key
@@ -94,7 +84,7 @@ def make_key(
 @dataset.command("sign")
 def sign(
     folder: Folder,
-    key: Annotated[str, typer.Option(metavar="FILE", help="Secret key, without a password.")],
+    key: str = option(..., "Secret key, without a password.", metavar="FILE"),
 ) -> None:
     """Sign a dataset with a key of one's own, as minisign does; any change then shows."""
     from scenewright.dataset.batch.signing import sign_dataset

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from scenewright.cli.batch import Out
-from scenewright.cli.common_options import Json
-from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
+from scenewright.cli.common_options import Json, argument, option
+from scenewright.cli.console import count, format_one_line, log_line, write_result
 
 To = Annotated[
     str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
@@ -24,20 +24,16 @@ Ego = Annotated[
 
 
 def export(
-    scenes: Annotated[
-        list[str], typer.Argument(metavar="SCENE...", help="scene.json, or folders of scenes.")
-    ],
+    *,
+    scenes: list[str] = argument(..., "scene.json, or folders of scenes.", metavar="SCENE..."),
     to: To,
     out: Out,
     form: Form = None,
     ego: Ego = None,
-    intersection: Annotated[
-        str | None, typer.Option(help="Map to use, not the one the scene names.")
-    ] = None,
-    plan: Annotated[
-        str | None,
-        typer.Option(metavar="F", help="Plan whose open speeds become OpenSCENARIO distributions."),
-    ] = None,
+    intersection: str | None = option(None, "Map to use, not the one the scene names."),
+    plan: str | None = option(
+        None, "Plan whose open speeds become OpenSCENARIO distributions.", metavar="F"
+    ),
     as_json: Json = False,
 ) -> None:
     """Write scenes in another format; docs/exports.md describes each."""
@@ -53,14 +49,8 @@ def export(
 
 def log_files(files: list[Path], *, scenes: int, to: str, out: str, as_json: bool) -> None:
     """What was written: one object, or the folder on stdout and a line on stderr."""
-    if as_json:
-        names = [str(file) for file in files]
-        write_json({"ok": True, "format": to, "scenes": scenes, "out": out, "files": names})
-        return
-    counts = f"{_count(scenes, 'scene')} as {to}: {_count(len(files), 'file')}"
-    log_line(format_one_line(counts))
-    write_stdout(f"{out}\n")
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+    if not as_json:
+        counts = f"{count(scenes, 'scene')} as {to}: {count(len(files), 'file')}"
+        log_line(format_one_line(counts))
+    facts = {"format": to, "scenes": scenes, "out": out, "files": [str(file) for file in files]}
+    write_result(facts, f"{out}\n", as_json=as_json)

@@ -4,27 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from scenewright.cli.common_options import Json, Quiet, spread_options
+from scenewright.cli.common_options import Json, Quiet, argument, option
 from scenewright.cli.console import (
     format_one_line,
     log_line,
     show_progress,
-    write_json,
+    write_result,
     write_stdout,
 )
 from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.cli.output_folder import try_file
 
 
-@spread_options
 def import_map_file(
-    file: Annotated[
-        str, typer.Argument(help="OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml.")
-    ],
+    *,
+    file: str = argument(..., "OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml."),
     options: ImportOptions,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -38,13 +34,9 @@ def import_map_file(
 
 
 def show_junctions(
-    file: Annotated[str, typer.Argument(help="A map file; see `import`.")],
-    street: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only junctions of this street.")
-    ] = None,
-    png: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Draw a map of them, by their ids, to a PNG.")
-    ] = None,
+    file: str = argument(..., "A map file; see `import`."),
+    street: list[str] | None = option(None, "Only junctions of this street.", metavar="NAME"),
+    png: str | None = option(None, "Draw a map of them, by their ids, to a PNG.", metavar="FILE"),
     as_json: Json = False,
 ) -> None:
     """List the junctions of a map file, to choose one for `import`."""
@@ -53,20 +45,15 @@ def show_junctions(
     found, roads = list_rows(file, street or ())
     if png is not None:
         draw_list(file, found, roads, png)
-    if as_json:
-        write_json({"ok": True, "file": file, "junctions": [row.describe() for row in found]})
-    else:
-        write_stdout(format_rows(found))
+    facts = {"file": file, "junctions": [row.describe() for row in found]}
+    write_result(facts, format_rows(found), as_json=as_json)
 
 
 def export_map(
-    name: Annotated[str, typer.Argument(help="An intersection; see `list`.")],
-    out: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE", help="F.xodr (OpenDRIVE), F.osm (Lanelet2).", callback=try_file
-        ),
-    ],
+    name: str = argument(..., "An intersection; see `list`."),
+    out: str = argument(
+        ..., "F.xodr (OpenDRIVE), F.osm (Lanelet2).", metavar="FILE", check=try_file
+    ),
 ) -> None:
     """Write an intersection's map as OpenDRIVE or Lanelet2, by the ending of FILE."""
     from scenewright.cli.map_export import write_map
@@ -76,16 +63,13 @@ def export_map(
 
 
 def simulate(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    minutes: Annotated[int, typer.Option(min=10, max=240, help="How much traffic [min].")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
-    train: Annotated[
-        bool, typer.Option("--train/--no-train", help="Train a refiner on it, about half a minute.")
-    ] = True,
-    corpus: Annotated[
-        str | None,
-        typer.Option(metavar="F", help="An .npz to keep the tracks in, for `train --others`."),
-    ] = None,
+    name: str = argument(..., "Its name."),
+    minutes: int = option(20, "How much traffic [min].", min=10, max=240),
+    seed: int = option(0, "Seed of the simulation.", min=0),
+    train: bool = option(True, "Train a refiner on it, about half a minute.", "--train/--no-train"),
+    corpus: str | None = option(
+        None, "An .npz to keep the tracks in, for `train --others`.", metavar="F"
+    ),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -101,16 +85,14 @@ def simulate(
     _print_facts(facts, (), as_json=as_json)
 
 
-@spread_options
 def fit(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    tracks: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="TRACKS...",
-            help="TAF-BW or inD-style csv, TrajNet++ ndjson, SUMO FCD xml, any csv; or folders.",
-        ),
-    ],
+    *,
+    name: str = argument(..., "Its name."),
+    tracks: list[str] = argument(
+        ...,
+        "TAF-BW or inD-style csv, TrajNet++ ndjson, SUMO FCD xml, any csv; or folders.",
+        metavar="TRACKS...",
+    ),
     options: FitOptions,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -127,7 +109,4 @@ def _print_facts(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: boo
     """Remarks to people; then the facts as one object, or just where the bundle is."""
     for line in lines:
         log_line(format_one_line(line))
-    if as_json:
-        write_json({"ok": True, **facts})
-    else:
-        write_stdout(f"{facts['folder']}\n")
+    write_result(facts, f"{facts['folder']}\n", as_json=as_json)

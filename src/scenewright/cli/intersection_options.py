@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
-import typer
-
+from scenewright.cli.common_options import option
 from scenewright.cli.output_folder import try_folder
 
 
@@ -14,138 +13,84 @@ from scenewright.cli.output_folder import try_folder
 class ImportOptions:
     """Which junction of a map file is imported, and how."""
 
-    name: Annotated[
-        str,
-        typer.Option(help="What to call it; commands take the short form that is shown."),
-    ]
-    center: Annotated[
-        str | None,
-        typer.Option(
-            "--at",
-            "--center",
-            metavar="LAT,LON",
-            help="Where the junction is; X,Y if the file has no degrees.",
-        ),
-    ] = None
-    street: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="A street of the junction; give two to choose one."),
-    ] = None
-    junction: Annotated[
-        str | None, typer.Option(metavar="ID", help="Which junction, by its id in the file.")
-    ] = None
-    left_hand: Annotated[
-        bool | None,
-        typer.Option("--left-hand/--right-hand", help="Which side is driven on, if not as said."),
-    ] = None
-    signals: Annotated[
-        Literal["keep", "assume", "none"],
-        typer.Option(help="Signals: the file's, an assumed programme if it has none, or none."),
-    ] = "keep"
-    extent: Annotated[
-        float | None, typer.Option(help="Half the side of the square that is mapped [m].")
-    ] = None
-    title: Annotated[str | None, typer.Option(help="Its title; else its streets' names.")] = None
-    licence: Annotated[
-        str | None, typer.Option(help="Licence of the map, to be kept with the bundle.")
-    ] = None
-    force: Annotated[bool, typer.Option("--force", help="Replace one of that name.")] = False
+    name: str = option(..., "What to call it; commands take the short form that is shown.")
+    center: str | None = option(
+        None,
+        "Where the junction is; X,Y if the file has no degrees.",
+        "--at",
+        "--center",
+        metavar="LAT,LON",
+    )
+    street: list[str] | None = option(
+        None, "A street of the junction; give two to choose one.", metavar="NAME"
+    )
+    junction: str | None = option(None, "Which junction, by its id in the file.", metavar="ID")
+    left_hand: bool | None = option(
+        None, "Which side is driven on, if not as said.", "--left-hand/--right-hand"
+    )
+    signals: Literal["keep", "assume", "none"] = option(
+        "keep", "Signals: the file's, an assumed programme if it has none, or none."
+    )
+    extent: float | None = option(None, "Half the side of the square that is mapped [m].")
+    title: str | None = option(None, "Its title; else its streets' names.")
+    licence: str | None = option(None, "Licence of the map, to be kept with the bundle.")
+    force: bool = option(False, "Replace one of that name.")
 
 
 @dataclass(frozen=True)
 class FitOptions:
     """How recorded tracks are read, and what is fitted on them."""
 
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MAP", help="A csv's columns: t=frame/25,id=track,class==car,x=px,y=py."
-        ),
-    ] = None
-    origin: Annotated[
-        str | None, typer.Option(metavar="LAT,LON", help="Where x = y = 0 of the tracks lies.")
-    ] = None
-    shift: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Added to the positions instead [m].")
-    ] = None
-    start: Annotated[
-        str | None, typer.Option(metavar="HH:MM", help="Time of day, where the files state none.")
-    ] = None
-    counts: Annotated[
-        str | None,
-        typer.Option(metavar="CSV", help="Counts: columns hour, vehicles[, pedestrians]."),
-    ] = None
-    licence: Annotated[str | None, typer.Option(help="Licence of the tracks.")] = None
-    named: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            help="The data set they are of: sind, ind, interaction, dut, argoverse1, argoverse2...",
-        ),
-    ] = None
-    scale: Annotated[
-        float | None, typer.Option(metavar="M", help="Metres per pixel of tracks in pixels.")
-    ] = None
-    pool: Annotated[
-        list[str] | None,
-        typer.Option(metavar="TRACKS", help="Vehicles at a place without a map, for the pool."),
-    ] = None
-    pool_scale: Annotated[
-        float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
-    ] = None
-    train: Annotated[
-        bool, typer.Option("--train", help="Adapt the refiner to the tracks, if that is better.")
-    ] = False
-    lights: Annotated[
-        str | None,
-        typer.Option(metavar="CSV", help="Recorded lights: SPaT, or columns light, t, colour."),
-    ] = None
-    light_legs: Annotated[
-        str | None,
-        typer.Option(metavar="MAP", help="Leg of each light: 1=east,13=walk_east."),
-    ] = None
+    columns: str | None = option(
+        None, "A csv's columns: t=frame/25,id=track,class==car,x=px,y=py.", metavar="MAP"
+    )
+    origin: str | None = option(None, "Where x = y = 0 of the tracks lies.", metavar="LAT,LON")
+    shift: str | None = option(None, "Added to the positions instead [m].", metavar="X,Y")
+    start: str | None = option(None, "Time of day, where the files state none.", metavar="HH:MM")
+    counts: str | None = option(
+        None, "Counts: columns hour, vehicles[, pedestrians].", metavar="CSV"
+    )
+    licence: str | None = option(None, "Licence of the tracks.")
+    named: str | None = option(
+        None,
+        "The data set they are of: sind, ind, interaction, dut, argoverse1, argoverse2...",
+        "--format",
+        metavar="NAME",
+    )
+    scale: float | None = option(None, "Metres per pixel of tracks in pixels.", metavar="M")
+    pool: list[str] | None = option(
+        None, "Vehicles at a place without a map, for the pool.", metavar="TRACKS"
+    )
+    pool_scale: float | None = option(None, "Metres per pixel of those.", metavar="M")
+    train: bool = option(False, "Adapt the refiner to the tracks, if that is better.")
+    lights: str | None = option(
+        None, "Recorded lights: SPaT, or columns light, t, colour.", metavar="CSV"
+    )
+    light_legs: str | None = option(None, "Leg of each light: 1=east,13=walk_east.", metavar="MAP")
 
 
 @dataclass(frozen=True)
 class TrainOptions:
     """What a refiner is trained on, and how long."""
 
-    corpus: Annotated[
-        str, typer.Option(metavar="F", help="Recorded hours, of `simulate --corpus`.")
-    ]
-    out: Annotated[
-        str | None,
-        typer.Option(
-            help="Folder to write; one's own intersection, else intersections/NAME.",
-            callback=try_folder,
-        ),
-    ] = None
-    epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None
-    walkers: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH",
-            help="Tracks of real people on foot, to learn walking from; may be given again.",
-        ),
-    ] = None
-    others: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="F",
-            help="Tracks of another intersection, of `simulate --corpus`; may be given again.",
-        ),
-    ] = None
-    walking: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0, max=1.0, help="Share of what is learned that changes how people walk."
-        ),
-    ] = None
-    go_on: Annotated[
-        bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
-    ] = False
-    most: Annotated[
-        int | None, typer.Option(min=1, help="Stretches of the corpus that are learned from.")
-    ] = None
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0
+    corpus: str = option(..., "Recorded hours, of `simulate --corpus`.", metavar="F")
+    out: str | None = option(
+        None, "Folder to write; one's own intersection, else intersections/NAME.", check=try_folder
+    )
+    epochs: int | None = option(None, "How often all is seen.", min=1)
+    walkers: list[str] | None = option(
+        None,
+        "Tracks of real people on foot, to learn walking from; may be given again.",
+        metavar="PATH",
+    )
+    others: list[str] | None = option(
+        None,
+        "Tracks of another intersection, of `simulate --corpus`; may be given again.",
+        metavar="F",
+    )
+    walking: float | None = option(
+        None, "Share of what is learned that changes how people walk.", min=0.0, max=1.0
+    )
+    go_on: bool = option(False, "From the weights that serve the intersection on.")
+    most: int | None = option(None, "Stretches of the corpus that are learned from.", min=1)
+    seed: int = option(0, "Seed of the training.", min=0)

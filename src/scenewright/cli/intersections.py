@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenewright.cli.console import format_one_line, render_table
+from scenewright.cli.console import format_columns, format_one_line
 from scenewright.intersections import (
     find_bundle_folder,
     list_intersections,
@@ -65,21 +65,15 @@ def describe_intersection(name: str) -> dict[str, Any]:
 
 def format_intersections(rows: list[dict[str, Any]]) -> str:
     """The bundles as a table."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("name", "title", "legs", "signals", "priors"):
-        table.add_column(title, overflow="fold")
+    titles = ("name", "title", "legs", "signals", "priors")
+    cells = []
     for row in rows:
-        if "error" in row:
-            cells = [row["name"], row["error"], "", "", ""]
-        else:
-            answers = ["yes" if row[key] else "no" for key in ("signals", "priors")]
-            cells = [row["name"], row["title"], ", ".join(row["legs"]), *answers]
-        table.add_row(*(Text(format_one_line(cell)) for cell in cells))
-    return render_table(table)
+        own = [row["name"], row["error"], "", "", ""] if "error" in row else [
+            row["name"], row["title"], ", ".join(row["legs"]),
+            *("yes" if row[key] else "no" for key in ("signals", "priors")),
+        ]  # fmt: skip
+        cells.append([format_one_line(cell) for cell in own])
+    return format_columns(titles, cells, right=set())
 
 
 def format_intersection(facts: dict[str, Any]) -> str:

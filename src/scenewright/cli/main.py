@@ -25,7 +25,7 @@ from scenewright.cli.batch import make_batch
 from scenewright.cli.catalogue import catalogue
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
 from scenewright.cli.check import check_installation
-from scenewright.cli.common_options import Json, Quiet, spread_options
+from scenewright.cli.common_options import Commands, Json, Quiet, argument, option
 from scenewright.cli.console import (
     ReaderGoneError,
     abandon_stdout,
@@ -33,6 +33,7 @@ from scenewright.cli.console import (
     log_line,
     show_progress,
     write_json,
+    write_result,
     write_stdout,
 )
 from scenewright.cli.coverage import show_coverage
@@ -72,16 +73,14 @@ from scenewright.errors import InputError
 from scenewright.files import is_plan_file
 from scenewright.graph.collector import HARDLY_EVER
 
-app = typer.Typer(
+app = Commands(
     name="scenewright",
     help="An instruction in plain language in, a verified traffic scene out.",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-intersections = typer.Typer(
-    name="intersections", help="The intersections that scenes can be made at."
-)
+intersections = Commands(name="intersections", help="The intersections that scenes can be made at.")
 app.command("batch")(make_batch)
 app.command()(sweep)
 app.add_typer(catalogue)
@@ -125,11 +124,9 @@ def _start(
 
 
 @app.command()
-@spread_options
 def make(
-    text: Annotated[
-        str, typer.Argument(help="What shall happen, or a plan as a .yaml file; `-` is stdin.")
-    ],
+    *,
+    text: str = argument(..., "What shall happen, or a plan as a .yaml file; `-` is stdin."),
     options: MakeOptions,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -144,46 +141,30 @@ def make(
         log_line(f"warning: {warning}")
     if not quiet:
         _log_summary([f"  {made.folder}: {', '.join(made.files)}"])
-    if as_json:
-        write_json(made.to_json())
-    else:
-        write_stdout(f"{made.folder}\n")
+    write_result(made.to_json(), f"{made.folder}\n", as_json=as_json)
 
 
 def _log_summary(lines: list[str]) -> None:
     for line in lines:
-        log_line(
-            format_one_line(line) if not line.startswith(" ") else "  " + format_one_line(line)
-        )
+        log_line(("  " if line.startswith(" ") else "") + format_one_line(line))
 
 
 @app.command()
-@spread_options
 def plan(
     *,
-    rows: Annotated[
-        str,
-        typer.Argument(
-            metavar="IN", help="Rows (.jsonl; `-` is stdin), a plan to check (.yaml), or a text."
-        ),
-    ] = "-",
-    out: Annotated[
-        str, typer.Option(help="File to write; `-` is stdout.", callback=try_file)
-    ] = "-",
-    intersection: Annotated[
-        str | None, typer.Option(help="Where it happens; else four legs, in right-hand traffic.")
-    ] = None,
+    rows: str = argument(
+        "-", "Rows (.jsonl; `-` is stdin), a plan to check (.yaml), or a text.", metavar="IN"
+    ),
+    out: str = option("-", "File to write; `-` is stdout.", check=try_file),
+    intersection: str | None = option(
+        None, "Where it happens; else four legs, in right-hand traffic."
+    ),
     model: ModelOptions,
-    as_yaml: Annotated[
-        bool, typer.Option("--yaml", help="Write the plan of a text as a file to edit and make.")
-    ] = False,
-    as_osc: Annotated[
-        bool,
-        typer.Option("--osc-dsl", help="Write it in OpenSCENARIO DSL, with what it leaves open."),
-    ] = False,
-    schema: Annotated[
-        bool, typer.Option("--schema", help="Write the JSON Schema of plan files, for editors.")
-    ] = False,
+    as_yaml: bool = option(False, "Write the plan of a text as a file to edit and make.", "--yaml"),
+    as_osc: bool = option(
+        False, "Write it in OpenSCENARIO DSL, with what it leaves open.", "--osc-dsl"
+    ),
+    schema: bool = option(False, "Write the JSON Schema of plan files, for editors."),
     as_json: Json = False,
 ) -> None:
     """Read instructions, one JSON row each, and write what was understood, one row each.
@@ -213,10 +194,7 @@ def plan(
         return
     if is_plan_file(rows):
         checked = check_plan_file(rows, intersection)
-        if as_json:
-            write_json({"ok": True, **checked})
-        else:
-            write_stdout(f"{checked['file']}: {checked['summary']}\n")
+        write_result(checked, f"{checked['file']}: {checked['summary']}\n", as_json=as_json)
         return
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
@@ -226,30 +204,21 @@ def plan(
     paid = sum_costs(calls)
     cost = "".join(f", {count} {name.replace('_', ' ')}" for name, count in paid.items())
     log_line(f"{len(planned)} rows, {refused} refused{cost}")
-    if as_json:
-        write_json({"ok": True, "rows": len(planned), "refused": refused, "out": out, **paid})
-    elif out != "-":
-        write_stdout(f"{out}\n")
+    facts = {"rows": len(planned), "refused": refused, "out": out, **paid}
+    write_result(facts, "" if out == "-" else f"{out}\n", as_json=as_json)
 
 
 @app.command()
 def verify(
-    paths: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="PATH...", help="scene.json, folders of them, or tracks as .csv or .ndjson."
-        ),
-    ],
-    intersection: Annotated[
-        str | None,
-        typer.Option(help="Check against this map, not the one the scene names; tracks name none."),
-    ] = None,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict", help="Demand a proof.json that names the digest of the whole scene.json."
-        ),
-    ] = False,
+    paths: list[str] = argument(
+        ..., "scene.json, folders of them, or tracks as .csv or .ndjson.", metavar="PATH..."
+    ),
+    intersection: str | None = option(
+        None, "Check against this map, not the one the scene names; tracks name none."
+    ),
+    strict: bool = option(
+        False, "Demand a proof.json that names the digest of the whole scene.json."
+    ),
     as_json: Json = False,
 ) -> None:
     """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable.
@@ -282,28 +251,20 @@ def verify(
 
 @app.command()
 def show(
-    scenes: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="SCENE...",
-            help="A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
-        ),
-    ],
-    png: Annotated[
-        str | None,
-        typer.Option(metavar="F", help="Write a picture; of several scenes a contact sheet."),
-    ] = None,
-    html: Annotated[
-        str | None,
-        typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
-    ] = None,
-    gif: Annotated[str | None, typer.Option(metavar="F", help="Write an animation.")] = None,
-    mp4: Annotated[
-        str | None, typer.Option(metavar="F", help="Write a video (extra `video`, or ffmpeg).")
-    ] = None,
-    whole: Annotated[
-        bool, typer.Option("--whole", help="Animations go on to the end of the scene.")
-    ] = False,
+    scenes: list[str] = argument(
+        ...,
+        "A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
+        metavar="SCENE...",
+    ),
+    png: str | None = option(
+        None, "Write a picture; of several scenes a contact sheet.", metavar="F"
+    ),
+    html: str | None = option(
+        None, "Write a page that plays and explains it, to share.", metavar="F"
+    ),
+    gif: str | None = option(None, "Write an animation.", metavar="F"),
+    mp4: str | None = option(None, "Write a video (extra `video`, or ffmpeg).", metavar="F"),
+    whole: bool = option(False, "Animations go on to the end of the scene."),
 ) -> None:
     """Open a scene's recording in the rerun viewer, or write its views to files."""
     asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
@@ -327,22 +288,15 @@ def list_all(as_json: Json = False) -> None:
     from scenewright.cli.intersections import format_intersections, summarize_intersections
 
     rows = summarize_intersections()
-    if as_json:
-        write_json({"ok": True, "intersections": rows})
-    else:
-        write_stdout(format_intersections(rows))
+    write_result({"intersections": rows}, format_intersections(rows), as_json=as_json)
 
 
 @intersections.command("show")
 def show_one(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    png: Annotated[str | None, typer.Option(metavar="F", help="Draw the map to this file.")] = None,
-    samples: Annotated[
-        bool, typer.Option("--samples", help="In the picture, paths drawn from the priors too.")
-    ] = False,
-    rrd: Annotated[
-        str | None, typer.Option(metavar="F", help="Write it as a recording for the rerun viewer.")
-    ] = None,
+    name: str = argument(..., "Its name."),
+    png: str | None = option(None, "Draw the map to this file.", metavar="F"),
+    samples: bool = option(False, "In the picture, paths drawn from the priors too."),
+    rrd: str | None = option(None, "Write it as a recording for the rerun viewer.", metavar="F"),
     as_json: Json = False,
 ) -> None:
     """Say what an intersection has: legs, movements, crosswalks, signals."""
@@ -359,16 +313,13 @@ def show_one(
 
         record_own(rrd, name)
         facts = {**facts, "rrd": rrd}
-    if as_json:
-        write_json({"ok": True, **facts})
-    else:
-        write_stdout(format_intersection(facts))
+    write_result(facts, format_intersection(facts), as_json=as_json)
 
 
 @intersections.command("train")
-@spread_options
 def train(
-    name: Annotated[str, typer.Argument(help="Its name.")],
+    *,
+    name: str = argument(..., "Its name."),
     options: TrainOptions,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -378,10 +329,7 @@ def train(
 
     with show_progress(quiet=quiet) as log:
         made = train_refiner(name, options, log=log)
-    if as_json:
-        write_json({"ok": True, "name": name, **made})
-    else:
-        write_stdout(f"{made['folder']}\n")
+    write_result({"name": name, **made}, f"{made['folder']}\n", as_json=as_json)
 
 
 _PREFIX = "SCENEWRIGHT_"

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from scenewright.errors import InputError
 
@@ -86,6 +87,22 @@ def target_folder(path: str, *, force: bool | None) -> Path:
             raise InputError(f"{target} holds other files; choose another --out{more}")
     except OSError as error:
         raise InputError(f"cannot use {target}: {error.strerror or error}") from error
+    return target
+
+
+def write_report(folder: str | Path, name: str, page: str, values: Mapping[str, Any]) -> Path:
+    """Writes a report as NAME.json and NAME.md into a folder, which it returns.
+
+    Raises:
+        InputError: the folder cannot be made, or a file not be written.
+    """
+    from scenewright.files import write_atomically
+    from scenewright.graph.run import make_folder
+
+    target = make_folder(folder)
+    data = json.dumps(values, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+    write_atomically(target / f"{name}.json", data.encode("utf-8", "backslashreplace"))
+    write_atomically(target / f"{name}.md", page.encode("utf-8", "backslashreplace"))
     return target
 
 

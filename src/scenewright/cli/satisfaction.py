@@ -4,30 +4,25 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from scenewright.cli.common_options import BoardFile, BoardName, Json, Quiet
-from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
+from scenewright.cli.common_options import BoardOptions, Json, Quiet, argument, option
+from scenewright.cli.console import log_line, show_progress, write_result, write_stdout
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import InputError
 
 
 def score_satisfaction(
-    folder: Annotated[
-        str | None,
-        typer.Argument(metavar="DIR", help="ID/scene.json, or ID.SUFFIX: tracks, for each row."),
-    ] = None,
-    rows: Annotated[
-        str | None,
-        typer.Option(metavar="F.jsonl", help="Write the instructions as rows for `batch`."),
-    ] = None,
-    intersection: Annotated[
-        str, typer.Option(help="Map of submitted tracks; a scene.json names its own.")
-    ] = "amsterdam_120",
-    board: BoardFile = None,
-    name: BoardName = None,
+    *,
+    folder: str | None = argument(
+        None, "ID/scene.json, or ID.SUFFIX: tracks, for each row.", metavar="DIR"
+    ),
+    rows: str | None = option(
+        None, "Write the instructions as rows for `batch`.", metavar="F.jsonl"
+    ),
+    intersection: str = option(
+        "amsterdam_120", "Map of submitted tracks; a scene.json names its own."
+    ),
+    entry: BoardOptions,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -45,8 +40,6 @@ def score_satisfaction(
     labelled = [row for row in load("voices") if "disputed" not in row]
     if (folder is None) == (rows is None):
         raise InputError("name either a folder to judge, or --rows FILE to write the instructions")
-    if (board is None) != (name is None):
-        raise InputError("--board and --name go together: which page, and under what name")
     if rows is not None:
         own = ({"id": row["id"], "text": row["text"]} for row in labelled)
         lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in own)
@@ -65,11 +58,8 @@ def score_satisfaction(
         raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
     shares = judging.count_verdicts(verdicts, labelled)
     figures = judging.to_json(shares)
-    page = enter_leaderboard(Path(board), str(name), figures) if board else None
-    if as_json:
-        listed = [vars(each) for each in verdicts]
-        write_json({"ok": True, "folder": folder, **figures, "verdicts": listed})
-    else:
-        write_stdout(judging.to_markdown(shares, verdicts))
+    page = enter_leaderboard(Path(entry.board), str(entry.name), figures) if entry.board else None
+    facts = {"folder": folder, **figures, "verdicts": [vars(each) for each in verdicts]}
+    write_result(facts, judging.to_markdown(shares, verdicts), as_json=as_json)
     if page is not None:
-        log_line(f"written: {board}, {page}")
+        log_line(f"written: {entry.board}, {page}")

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from scenewright.cli.make import shorten_path
 from scenewright.cli.output_folder import fill_folder, target_folder
-from scenewright.cli.views import ViewKind, add_views, write_view
-from scenewright.errors import InputError
+from scenewright.cli.views import add_views, write_view
 
 if TYPE_CHECKING:
     from scenewright.authoring.session import SessionVersion
@@ -33,19 +32,6 @@ def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], lis
         warnings = add_views(part, views)
         files = sorted(entry.name for entry in part.iterdir())
     return shorten_path(target), files, warnings
-
-
-def save_view(shown: SessionVersion, kind: ViewKind, path: str) -> Path:
-    """Writes a version as one file, a page (`html`) or an animation (`gif`).
-
-    Raises:
-        InputError: there is a file already, or it cannot be written.
-    """
-    target = Path(path)
-    if target.exists():
-        raise InputError(f"{target} is there already; name another file")
-    write_view(kind, target, shown.record, shown.proof)
-    return target
 
 
 def record_version(shown: SessionVersion, path: Path) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from scenewright.cli.console import format_one_line
+from scenewright.cli.console import count, format_one_line
 from scenewright.scene.account import SaidRecord, SaidSpan, WordState
 from scenewright.scene.base import Point
 from scenewright.scene.called import call_agents
@@ -82,9 +82,8 @@ def list_choices(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
 def format_verdict(proof: Proof) -> str:
     """The verdict with what stands beside it, and how many findings stand against the scene."""
     verdict = format_one_line(proof.describe_verdict())
-    against = len(list_findings(proof))
-    noun = "finding" if against == 1 else "findings"
-    return verdict if proof.verified else f"{verdict} ({against} {noun})"
+    against = count(len(list_findings(proof)), "finding")
+    return verdict if proof.verified else f"{verdict} ({against})"
 
 
 def choose_style(*, verified: bool, caveat: str) -> str:
@@ -224,10 +223,6 @@ def _describe_background(scene: SceneRecord) -> str:
     vehicles, walkers = counts["vehicle"], counts["pedestrian"]
     meta = scene.meta
     return (
-        f"background: {_number(vehicles, 'vehicle')}, {_number(walkers, 'pedestrian')}; "
+        f"background: {count(vehicles, 'vehicle')}, {count(walkers, 'pedestrian')}; "
         f"{format_one_line(meta.time_of_day, limit=20)}, {meta.duration:g} s, seed {meta.seed}"
     )
-
-
-def _number(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -16,8 +16,8 @@ from scenewright.cli.batch import (
     log_summary,
     show_batch_progress,
 )
-from scenewright.cli.common_options import Json, Quiet, spread_options
-from scenewright.cli.console import write_json, write_stdout
+from scenewright.cli.common_options import Json, Quiet, argument, option
+from scenewright.cli.console import write_result
 
 Sampling = Annotated[
     Literal["grid", "lhs", "sobol", "boundary"],
@@ -29,16 +29,15 @@ Sampling = Annotated[
 class SweepOptions(SceneOptions):
     """Which points of a plan are made, and how."""
 
-    n: Annotated[int, typer.Option("--n", help="Points; a grid or its corners may be fewer.")] = 50
+    n: int = option(50, "Points; a grid or its corners may be fewer.", "--n")
     sampling: Sampling = "sobol"
-    seed: Annotated[int, typer.Option(help="Of the points, and of every scene.")] = 0
+    seed: int = option(0, "Of the points, and of every scene.")
     max_agents: MaxAgents = None
 
 
-@spread_options
 def sweep(
     *,
-    plan: Annotated[str, typer.Argument(metavar="PLAN.yaml", help="A plan with open values.")],
+    plan: str = argument(..., "A plan with open values.", metavar="PLAN.yaml"),
     out: Out,
     options: SweepOptions,
     quiet: Quiet = False,
@@ -59,8 +58,5 @@ def sweep(
         summary = run_sweep(logical, request, n=options.n, sampling=options.sampling, log=log)
     if not quiet:
         log_summary(summary)
-    if as_json:
-        write_json({"ok": True, "out": out, "table": f"{out}/{TABLE}",
-                    **build_summary_object(summary)})  # fmt: skip
-    else:
-        write_stdout(f"{out}/{TABLE}\n")
+    facts = {"out": out, "table": f"{out}/{TABLE}", **build_summary_object(summary)}
+    write_result(facts, f"{out}/{TABLE}\n", as_json=as_json)

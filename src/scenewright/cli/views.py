@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -44,6 +45,18 @@ def add_views(
             words = f"no {name}: {type(error).__name__}: {error}"
             warnings.append(format_one_line(words, limit=300))
     return warnings
+
+
+def render(write: Callable[[Path], None]) -> bytes:
+    """The bytes of a file that is written by calling `write` with its path."""
+    with tempfile.TemporaryDirectory() as folder:
+        write(path := Path(folder) / "view")
+        return path.read_bytes()
+
+
+def render_view(kind: ViewKind, scene: SceneRecord, proof: Proof | None) -> bytes:
+    """The bytes of a view (see `write_view`)."""
+    return render(lambda path: write_view(kind, path, scene, proof))
 
 
 def write_view(

@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 from scenewright.cli.common_options import Json, Quiet
-from scenewright.cli.console import show_progress, write_json, write_stdout
+from scenewright.cli.console import show_progress, write_result
 
 LOOPS = 190
 """That both processes compile, for the progress."""
@@ -36,12 +36,9 @@ def warm(quiet: Quiet = False, as_json: Json = False) -> None:
     if helper.exitcode:
         raise RuntimeError(f"the second process of warm ended with code {helper.exitcode}")
     seconds, count = time.monotonic() - begin, len(names) + elsewhere.value
-    if as_json:
-        write_json({"ok": True, "compiled": count, "seconds": round(seconds, 1)})
-    elif count:
-        write_stdout(f"{count} loops compiled in {seconds:.0f} s, kept on disk\n")
-    else:
-        write_stdout("nothing to compile: all loops are kept on disk\n")
+    done = f"{count} loops compiled in {seconds:.0f} s, kept on disk\n"
+    text = done if count else "nothing to compile: all loops are kept on disk\n"
+    write_result({"compiled": count, "seconds": round(seconds, 1)}, text, as_json=as_json)
 
 
 def compile_last_stages(compiled: Any) -> None:

@@ -6,8 +6,9 @@ import asyncio
 import json
 import secrets
 from collections.abc import AsyncIterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
@@ -19,11 +20,12 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from scenewright.backends import Backend
+from scenewright.cli.backend_options import SessionOptions
 from scenewright.cli.page.answers import (
     answer_safely,
     describe_fault,
-    read_object,
-    read_text,
+    read_model,
     refuse,
 )
 from scenewright.cli.page.batches import Batches
@@ -32,8 +34,9 @@ from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.plan_form import check_plan_object, describe_plan_file
 from scenewright.cli.page.saved import SAVED, write_saved
-from scenewright.cli.page.schema import describe_routes
+from scenewright.cli.page.schema import NewThread, PlanSource, Turn, describe_routes
 from scenewright.cli.page.suggestions import list_places, list_words
+from scenewright.cli.views import render
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.extras import describe_missing
 from scenewright.intersections import load_map
@@ -85,19 +88,22 @@ class Guard(BaseHTTPMiddleware):
 class Page:
     """The routes, over the conversations they work on."""
 
-    def __init__(
-        self,
-        conversations: Conversations,
-        *,
-        choice: ModelChoice,
-        intersection: str,
-        batches: Batches,
-        own_maps: OwnMaps,
-    ) -> None:
-        self._conversations = conversations
-        self._choice, self._intersection = choice, intersection
-        self._batches, self._own_maps = batches, own_maps
+    def __init__(self, options: SessionOptions, backend: Backend, folder: Path) -> None:
+        """Batches and maps of one's own lie in the folder."""
+        self._intersection = options.intersection
+        self._conversations = Conversations(options, backend)
+        name = ", ".join(options.model.backend or ["builtin"])
+        self._choice = ModelChoice(self._conversations, name)
+        self._batches = Batches(
+            folder / "page-batches", time_limit=options.time_limit, lawful=options.lawful
+        )
+        self._own_maps = OwnMaps(folder / "page-maps")
         self._running: set[asyncio.Task[None]] = set()
+
+    def close(self) -> None:
+        """Ends what runs; all of it can be gone on with."""
+        self._conversations.close()
+        self._batches.close()
 
     def list_routes(self) -> list[Route]:
         """Every address that the page asks for."""
@@ -146,11 +152,9 @@ class Page:
 
     async def create_thread(self, request: Request) -> Response:
         """A new conversation: {"intersection", "seed"}."""
-        asked = await read_object(request)
-        name, seed = asked.get("intersection", self._intersection), asked.get("seed")
-        if not isinstance(name, str) or not (seed is None or type(seed) is int):
-            raise InputError("a conversation needs the name of an intersection and a whole seed")
-        made = await run_in_threadpool(self._conversations.create, name, seed)
+        asked = await read_model(request, NewThread)
+        place = asked.intersection or self._intersection
+        made = await run_in_threadpool(self._conversations.create, place, asked.seed)
         return JSONResponse(await run_in_threadpool(made.describe))
 
     async def describe_thread(self, request: Request) -> Response:
@@ -163,12 +167,11 @@ class Page:
 
         The turn goes on to its end when the browser leaves; its version is there afterwards.
         """
-        found, asked = await self._find(request), await read_object(request)
-        action, argument = read_text(asked, "action"), read_text(asked, "argument", "")
+        found, asked = await self._find(request), await read_model(request, Turn)
         if found.busy:
             raise BusyError("a turn of this conversation is still being worked on")
         lines: asyncio.Queue[dict[str, Any] | None] = asyncio.Queue()
-        task = asyncio.create_task(_work(found, action, argument, lines))
+        task = asyncio.create_task(_work(found, asked, lines))
         self._running.add(task)
         task.add_done_callback(self._running.discard)
         return StreamingResponse(_send_lines(lines), media_type="application/x-ndjson")
@@ -240,18 +243,18 @@ class Page:
 
     async def describe_plan(self, request: Request) -> Response:
         """A plan and its words, of {"words"}, of the fields of a {"plan"}, or of a {"thread"}."""
-        asked = await read_object(request)
-        place = read_text(asked, "intersection", self._intersection)
-        if "plan" in asked:
-            found = await run_in_threadpool(check_plan_object, asked["plan"], place)
-        elif "thread" in asked:
-            name, which = read_text(asked, "thread"), asked.get("version")
-            held = await run_in_threadpool(self._conversations.get, name)
-            found = await run_in_threadpool(held.find_plan, which)
+        asked = await read_model(request, PlanSource)
+        place = asked.intersection or self._intersection
+        if asked.plan is not None:
+            found = await run_in_threadpool(check_plan_object, asked.plan, place)
+        elif asked.thread is not None:
+            held = await run_in_threadpool(self._conversations.get, asked.thread)
+            found = await run_in_threadpool(held.find_plan, asked.version)
+        elif asked.words is not None:
+            plan = await run_in_threadpool(self._conversations.plan, asked.words, place)
+            found = PlanFile(plan, asked.words, as_read=True)
         else:
-            words = read_text(asked, "words")
-            plan = await run_in_threadpool(self._conversations.plan, words, place)
-            found = PlanFile(plan, words, as_read=True)
+            raise InputError("name words, a plan or a thread")
         return JSONResponse(describe_plan_file(found))
 
     async def _find(self, request: Request) -> Conversation:
@@ -265,7 +268,7 @@ def build_app(page: Page, *, token: str, hosts: frozenset[str]) -> Starlette:
 
 
 async def _work(
-    found: Conversation, action: str, argument: str, lines: asyncio.Queue[dict[str, Any] | None]
+    found: Conversation, asked: Turn, lines: asyncio.Queue[dict[str, Any] | None]
 ) -> None:
     loop = asyncio.get_running_loop()
 
@@ -273,7 +276,7 @@ async def _work(
         loop.call_soon_threadsafe(lines.put_nowait, {"stage": stage, "line": line})
 
     try:
-        reply = await run_in_threadpool(found.act, action, argument, log)
+        reply = await run_in_threadpool(found.act, asked.action, asked.argument, log)
     except (InputError, Unsatisfiable, BackendFault) as error:
         reply = {"kind": "refused", "lines": [f"refused: {error}"], "why": [], "choices": []}
     except Exception as error:
@@ -299,12 +302,6 @@ def _read_asset(name: str) -> str:
 
 @lru_cache(maxsize=32)
 def _draw_intersection(name: str) -> bytes:
-    import tempfile
-    from pathlib import Path
-
     from scenewright.viz.intersection_picture import draw_intersection
 
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "map.png"
-        draw_intersection(path, intersection=load_map(name), dpi=80)
-        return path.read_bytes()
+    return render(partial(draw_intersection, intersection=load_map(name), dpi=80))
