@@ -206,7 +206,8 @@ def test_the_plan_of_words_is_changed_made_and_changed_in_words(client: TestClie
     ("body", "reason"),
     [({"plan": {"agents": [{"id": "tram-1"}]}}, "plan, agents[0].id: a name such as vehicle-1"),
      ({"plan": {"agents": [{"id": "vehicle-1", "entry": "northwest"}]}}, "northwest"),
-     ({"plan": 3}, "a plan is an object"), ({"words": "a pig flies"}, ""), ({"words": 3}, "words: Input should be a valid string"),
+     ({"plan": 3}, "a plan is an object"), ({"words": "a pig flies"}, ""),
+     ({"words": 3}, "words: Input should be a valid string"),
      ({"thread": "none"}, "no conversation"), ({}, "name words, a plan or a thread")],
     ids=range(7),
 )  # fmt: skip

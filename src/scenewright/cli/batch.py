@@ -21,8 +21,7 @@ from scenewright.cli.backend_options import (
 )
 from scenewright.cli.common_options import Json, Quiet, argument, option
 from scenewright.cli.console import format_one_line, is_terminal, log_line, write_result
-from scenewright.cli.interruption import keep
-from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.interrupts import keep, stop_if_asked
 from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
 from scenewright.time_limit import DEFAULT_LIMIT

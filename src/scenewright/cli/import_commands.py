@@ -16,6 +16,8 @@ from scenewright.cli.console import (
 )
 from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.cli.output_folder import try_file
+from scenewright.errors import InputError
+from scenewright.files import write_atomically
 
 
 def import_map_file(
@@ -40,12 +42,12 @@ def show_junctions(
     as_json: Json = False,
 ) -> None:
     """List the junctions of a map file, to choose one for `import`."""
-    from scenewright.cli.map_junctions import draw_list, format_rows, list_rows
+    from scenewright.cli.map_junctions import describe, draw_list, format_rows, list_rows
 
     found, roads = list_rows(file, street or ())
     if png is not None:
         draw_list(file, found, roads, png)
-    facts = {"file": file, "junctions": [row.describe() for row in found]}
+    facts = {"file": file, "junctions": list(map(describe, found))}
     write_result(facts, format_rows(found), as_json=as_json)
 
 
@@ -56,9 +58,20 @@ def export_map(
     ),
 ) -> None:
     """Write an intersection's map as OpenDRIVE or Lanelet2, by the ending of FILE."""
-    from scenewright.cli.map_export import write_map
+    from scenewright.intersections import find_bundle_folder, load_map, read_bundle_header
+    from scenewright.tools.exporters.lanelet2 import write_lanelet2
+    from scenewright.tools.exporters.opendrive import write_opendrive
 
-    write_map(name, out)
+    place = load_map(name)
+    match Path(out).suffix.lower():
+        case ".xodr":
+            data = write_opendrive(place)
+        case ".osm":
+            origin = read_bundle_header(find_bundle_folder(name)).get("frame", {}).get("origin")
+            data = write_lanelet2(place, tuple(origin) if origin else None)
+        case other:
+            raise InputError(f"a map is written as .xodr or .osm, not {other or out!r}")
+    write_atomically(out, data)
     write_stdout(f"{out}\n")
 
 

@@ -56,8 +56,7 @@ from scenewright.cli.import_commands import (
     show_junctions,
     simulate,
 )
-from scenewright.cli.interruption import forget, get_note
-from scenewright.cli.interrupts import watch_signals
+from scenewright.cli.interrupts import get_note, watch_signals
 from scenewright.cli.intersection_options import TrainOptions
 from scenewright.cli.make import MakeOptions, make_scene, read_request
 from scenewright.cli.output_folder import try_file
@@ -347,7 +346,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the words after the program's name; None takes the process's own.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    forget()
     for name in sorted(os.environ):
         rest = name.removeprefix(_PREFIX)
         if rest != name and rest not in _VARIABLES:

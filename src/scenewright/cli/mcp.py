@@ -8,6 +8,7 @@ and the tools of `nodes/toolbox.py` make one step by step.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -18,9 +19,8 @@ from scenewright.cli.sessions import list_versions, open_session
 from scenewright.cli.views import ViewKind, render_view
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.extras import require_extra
-from scenewright.nodes.toolbox import AgentSegments
+from scenewright.nodes.toolbox import ToolState
 from scenewright.scene.base import describe_misfit
-from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import TimeLimitReachedError, limit_time
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from scenewright.authoring.session import Session, SessionVersion
     from scenewright.cli.backend_options import SessionOptions
-    from scenewright.nodes.toolbox import ToolState
 
 _GUIDE = """\
 Makes verified traffic scenes at one intersection. make_scene takes an instruction in plain
@@ -57,8 +56,7 @@ def build_server(options: SessionOptions, *, thread: str, out: str | None) -> MC
         desk.undo, desk.redo, desk.branch,
         desk.show_scene, desk.list_versions, desk.list_threads, desk.open_thread,
         desk.explain_refusal, desk.verify_scene, desk.scene_json, desk.save_scene,
-        desk.start_scene, desk.ground_plan, desk.draw_candidates, desk.check_program, desk.solve,
-        desk.edit_segments, desk.refine, desk.check_scene, desk.record_scene,
+        desk.start_scene, *desk.list_steps(),
         desk.measure_coverage, desk.read_catalogue, desk.find_scenarios,
     ):  # fmt: skip
         server.add_tool(tool, structured_output=True)
@@ -72,6 +70,10 @@ def build_server(options: SessionOptions, *, thread: str, out: str | None) -> MC
     return server
 
 
+_STEPS = (
+    "ground_plan", "draw_candidates", "check_program", "solve", "edit_segments", "refine",
+    "check_scene", "record_scene",
+)  # fmt: skip
 Tool = TypeVar("Tool", bound=Callable[..., dict[str, Any]])
 
 
@@ -290,37 +292,19 @@ class _ClientState:
         )
         return {"ok": True, "next": "ground_plan"}
 
-    def ground_plan(self, plan: SocialGraph) -> dict[str, Any]:
-        """Map grounding: binds the agents and relations of a plan to the map."""
-        return self._step("ground_plan", plan=plan)
+    def list_steps(self) -> Iterator[Any]:
+        """The tools that make a scene step by step, each as `ToolState` has it."""
+        for name in _STEPS:
+            method = getattr(ToolState, name)
+            signature = inspect.signature(method, eval_str=True)
+            own = [each for each in signature.parameters.values() if each.name != "self"]
 
-    def draw_candidates(self) -> dict[str, Any]:
-        """GMM sampler: draws the background agents, and candidate paths for all agents."""
-        return self._step("draw_candidates")
+            @wraps(method)
+            def run(name: str = name, **arguments: Any) -> dict[str, Any]:
+                return self._step(name, **arguments)
 
-    def check_program(self, program: str) -> dict[str, Any]:
-        """DSL validator: reads a constraint program; says where it leaves the language."""
-        return self._step("check_program", program=program)
-
-    def solve(self, program: str | None = None) -> dict[str, Any]:
-        """DSL validator: candidates, times and standstills under which all clauses hold."""
-        return self._step("solve", program=program)
-
-    def edit_segments(self, agents: list[AgentSegments] | None = None) -> dict[str, Any]:
-        """Segment editor: keep, stop, proceed, terminate, at anchors; empty: as suggested."""
-        return self._step("edit_segments", agents=agents)
-
-    def refine(self) -> dict[str, Any]:
-        """TrajNet++ refiner: turns the edited priors into final tracks."""
-        return self._step("refine")
-
-    def check_scene(self) -> dict[str, Any]:
-        """Relation checker: looks at the final tracks and decides."""
-        return self._step("check_scene")
-
-    def record_scene(self) -> dict[str, Any]:
-        """Recorder: keeps the verified scene under the folder that the server was started with."""
-        return self._step("record_scene")
+            run.__signature__ = signature.replace(parameters=own)  # type: ignore[attr-defined]
+            yield run
 
     def _step(self, name: str, **arguments: Any) -> dict[str, Any]:
         from scenewright.errors import Rejected

@@ -124,34 +124,23 @@ def fill_folder(target: Path) -> Iterator[Path]:
     made: list[Path] = []
     part: Path | None = None
     try:
-        made = _make_parents(target)
+        made = [each for each in target.parents if not each.exists()]
+        target.parent.mkdir(parents=True, exist_ok=True)
         part = _make_staging(target)
         yield part
         _publish(part, target)
         made = []
-    except OSError as error:
-        raise _describe_unwritable(target, error) from error
-    except InputError as error:
-        if isinstance(error.__cause__, OSError):
-            raise _describe_unwritable(target, error.__cause__) from error
-        raise
+    except (OSError, InputError) as error:
+        fault = error if isinstance(error, OSError) else error.__cause__
+        if not isinstance(fault, OSError):
+            raise
+        raise InputError(f"cannot write {target}: {fault.strerror or fault}") from error
     finally:
         if part is not None:
             shutil.rmtree(part, ignore_errors=True)
-        for folder in reversed(made):
+        for folder in made:
             with suppress(OSError):
                 folder.rmdir()
-
-
-def _describe_unwritable(target: Path, error: OSError) -> InputError:
-    return InputError(f"cannot write {target}: {error.strerror or error}")
-
-
-def _make_parents(target: Path) -> list[Path]:
-    """The parents that were missing, outermost first."""
-    missing = [each for each in target.parents if not each.exists()][::-1]
-    target.parent.mkdir(parents=True, exist_ok=True)
-    return missing
 
 
 def _make_staging(target: Path) -> Path:
@@ -169,30 +158,21 @@ def _make_staging(target: Path) -> Path:
 
 
 def _publish(part: Path, target: Path) -> None:
+    """Moves a folder to its place; the files of one that must stay are replaced, each whole."""
     if not target.exists():
         part.rename(target)
     elif part.parent == target or target == Path.cwd() or not _is_replaceable(target):
-        _fill(part, target)
+        for name in SCENE_FILES:
+            if (part / name).exists():
+                os.replace(part / name, target / name)
+            else:
+                (target / name).unlink(missing_ok=True)
     else:
-        _swap(part, target)
-
-
-def _swap(part: Path, target: Path) -> None:
-    """Puts the new folder in the place of the old one, which is gone only after that."""
-    old = part.with_suffix(".old")
-    target.rename(old)
-    try:
-        part.rename(target)
-    except BaseException:
-        old.rename(target)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _fill(part: Path, target: Path) -> None:
-    """Moves the files into a folder that must stay, each whole."""
-    for name in SCENE_FILES:
-        if (part / name).exists():
-            os.replace(part / name, target / name)
-        else:
-            (target / name).unlink(missing_ok=True)
+        old = part.with_suffix(".old")  # gone only after the new one is in its place
+        target.rename(old)
+        try:
+            part.rename(target)
+        except BaseException:
+            old.rename(target)
+            raise
+        shutil.rmtree(old, ignore_errors=True)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Awaitable, Callable
 from functools import wraps
-from typing import TypeVar
+from inspect import iscoroutinefunction
+from typing import TypeVar, cast
 
 from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
@@ -17,17 +19,19 @@ from scenewright.scene.base import Model, describe_misfit
 
 MOST_BODY = 100_000
 """Bytes of a request in JSON; words are far shorter."""
-Answer = Callable[[Request], Awaitable[Response]]
+Answer = Callable[[Request], Awaitable[Response] | Response]
 ModelT = TypeVar("ModelT", bound=Model)
 
 
-def answer_safely(answer: Answer) -> Answer:
-    """The route, with what goes wrong as one line of JSON."""
+def answer_safely(answer: Answer) -> Callable[[Request], Awaitable[Response]]:
+    """The route, with what goes wrong as one line of JSON; what is no coroutine has a thread."""
 
     @wraps(answer)
     async def run(request: Request) -> Response:
         try:
-            return await answer(request)
+            if iscoroutinefunction(answer):
+                return cast(Response, await answer(request))
+            return cast(Response, await run_in_threadpool(answer, request))
         except BusyError as error:
             return refuse(409, str(error))
         except (InputError, Unsatisfiable, BackendFault) as error:

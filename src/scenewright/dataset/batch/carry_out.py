@@ -146,17 +146,9 @@ class BatchFolder:
         if outcome.status == "made":
             hashes = publish(outcome.files, place, parts=self.out / f".{self._name}.parts")
         return JournalEntry(
-            number=job.number,
-            key=job.key,
-            folder=job.folder,
-            status=outcome.status,
-            code=outcome.code,
-            reason=outcome.reason,
-            sha256=hashes,
-            attempts=outcome.attempts,
-            seconds=outcome.seconds,
-            paid=outcome.paid,
-        )
+            number=job.number, key=job.key, folder=job.folder, sha256=hashes,
+            **{name: each for name, each in vars(outcome).items() if name != "files"},
+        )  # fmt: skip
 
 
 class ProgressClock:

@@ -1,9 +1,7 @@
-"""The agent that fills an order: a LangGraph of `write`, `make`, `settle`, round and round.
+"""The agent that fills an order, round by round: it words, makes, and looks at what came of it.
 
-    read -> write -> make -> settle -> write ... -> report
-
-What the order wants becomes slots, one for each scene. `write` words an instruction for every open
-slot, `make` has the pipeline carry them out, `settle` looks at what came of it. A slot whose
+What the order wants becomes slots, one for each scene. A round words an instruction for every open
+slot, has the pipeline carry them out, and fills the slots of which there is a scene. A slot whose
 instruction was refused is worded anew, then given another pattern of its kind, until the budget is
 spent. Every step can be repeated: what was written stands in order.jsonl, what was made in the
 journal, so a run that is killed goes on where it was.
@@ -14,11 +12,6 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import Any, Literal, TypedDict
-
-from langgraph.graph import END, START, StateGraph
-from langgraph.runtime import Runtime
 
 from scenewright.dataset.batch.answering import Asking, Names, find_url, make_plain_name
 from scenewright.dataset.batch.carry_out import (
@@ -44,14 +37,6 @@ from scenewright.dataset.orders.writers import Writer
 
 FEW = 12
 """Texts for which no workers are started."""
-
-
-class OrderState(TypedDict, total=False):
-    """Channels of the agent."""
-
-    slots: tuple[Slot, ...]
-    due: tuple[OrderEntry, ...]
-    spent: int
 
 
 @dataclass(frozen=True)
@@ -80,104 +65,36 @@ class OrderContext:
     log: ProgressCallback
 
 
-class WriteReads(TypedDict):
-    """Channels that `write` reads."""
-
-    slots: tuple[Slot, ...]
-    spent: int
-
-
-def read(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
-    """The wish becomes slots, patterns dealt out evenly."""
-    del state
-    context = runtime.context
-    slots = build_slots(context.wish, seed=context.options.seed, places=context.places)
-    return {"slots": tuple(slots), "spent": 0}
-
-
-def write(state: WriteReads, *, runtime: Runtime[OrderContext]) -> OrderState:
-    """An instruction for every open slot, as far as the budget goes."""
-    context = runtime.context
-    open_slots = [slot for slot in state["slots"] if slot.open]
-    due = open_slots[: context.budget - state["spent"]]
-    slots = {slot.number: replace(slot, attempts=slot.attempts + 1) for slot in due}
-    new = [each for each in slots.values() if not context.book.find(each.number, each.attempts)]
-    for slot, wording in zip(new, _word_slots(new, context), strict=True):
-        context.book.add(_build_entry(slot, wording, context))
-    found = (context.book.find(each.number, each.attempts) for each in slots.values())
-    entries = tuple(each for each in found if each is not None)
-    after = tuple(slots.get(slot.number, slot) for slot in state["slots"])
-    return {"slots": after, "due": entries, "spent": state["spent"] + len(due)}
-
-
-class MakeReads(TypedDict):
-    """Channels that `make` reads."""
-
-    slots: tuple[Slot, ...]
-
-
-def make(state: MakeReads, *, runtime: Runtime[OrderContext]) -> OrderState:
-    """The pipeline carries out all that was written; what is done is left alone."""
-    context = runtime.context
-    jobs = build_jobs(
-        context.book.entries, state["slots"], context.options, context.asking, held=context.held
-    )
-    context.batch.carry_out(
-        jobs, of=len(jobs), workers=context.workers, engine=context.engine, limit=context.limit,
-        log=context.log,
-    )  # fmt: skip
-    return {}
-
-
-class SettleReads(TypedDict):
-    """Channels that `settle` reads."""
-
-    slots: tuple[Slot, ...]
-    due: tuple[OrderEntry, ...]
-
-
-def settle(state: SettleReads, *, runtime: Runtime[OrderContext]) -> OrderState:
-    """A slot is filled by a scene; one that shows something else was refused when it was made."""
-    context = runtime.context
-    slots = {slot.number: slot for slot in state["slots"]}
-    for entry in state["due"]:
-        slot = slots[entry.slot]
-        done = context.batch.journal.get_entry(context.book.number[entry.id])
-        if done is not None and done.code == "backend_failed":
-            slots[slot.number] = replace(slot, waiting=True)
-        elif done is not None and done.status == "made":
-            slots[slot.number] = replace(slot, filled=entry.id)
-    return {"slots": tuple(slots.values())}
-
-
-class RouteReads(TypedDict):
-    """Channels that the route reads."""
-
-    slots: tuple[Slot, ...]
-    due: tuple[OrderEntry, ...]
-    spent: int
-
-
-def choose_next(state: RouteReads, *, runtime: Runtime[OrderContext]) -> Literal["write", "end"]:
-    """Another round, as long as slots are open and the budget is not spent."""
-    left = runtime.context.budget - state["spent"]
-    return "write" if left > 0 and any(slot.open for slot in state["slots"]) else "end"
-
-
-@cache
-def build_order_graph() -> Any:
-    """The compiled agent."""
-    graph: StateGraph[OrderState, OrderContext, OrderState, OrderState] = StateGraph(
-        OrderState, context_schema=OrderContext
-    )
-    for name, node in (("read", read), ("write", write), ("make", make), ("settle", settle)):
-        graph.add_node(name, node)
-    graph.add_edge(START, "read")
-    graph.add_edge("read", "write")
-    graph.add_edge("write", "make")
-    graph.add_edge("make", "settle")
-    graph.add_conditional_edges("settle", choose_next, {"write": "write", "end": END})
-    return graph.compile(name="order")
+def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
+    """Rounds, as long as slots are open and the budget is not spent; the slots as they end."""
+    slots = {
+        slot.number: slot
+        for slot in build_slots(context.wish, seed=context.options.seed, places=context.places)
+    }
+    left = context.budget
+    while due := [slot for slot in slots.values() if slot.open][: max(left, 0)]:
+        left -= len(due)
+        due = [replace(slot, attempts=slot.attempts + 1) for slot in due]
+        slots.update({slot.number: slot for slot in due})
+        new = [slot for slot in due if not context.book.find(slot.number, slot.attempts)]
+        for slot, wording in zip(new, _word_slots(new, context), strict=True):
+            context.book.add(_build_entry(slot, wording, context))
+        jobs = build_jobs(
+            context.book.entries, [*slots.values()], context.options, context.asking,
+            held=context.held,
+        )  # fmt: skip
+        context.batch.carry_out(  # what is done is left alone
+            jobs, of=len(jobs), workers=context.workers, engine=context.engine,
+            limit=context.limit, log=context.log,
+        )  # fmt: skip
+        for slot in due:
+            name = _name_row(slot)
+            done = context.batch.journal.get_entry(context.book.number[name])
+            if done is not None and done.code == "backend_failed":
+                slots[slot.number] = replace(slot, waiting=True)
+            elif done is not None and done.status == "made":
+                slots[slot.number] = replace(slot, filled=name)
+    return tuple(slots.values())
 
 
 def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterator[Slot]:
@@ -214,19 +131,11 @@ def _choose_id_prefixes(wish: OrderSpec) -> dict[str, str]:
 
 def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wording]:
     """Word slots in their order; templates on all workers, as each text is read back."""
-    tasks = [
-        WordingTask(
-            slot,
-            context.wish,
-            context.options,
-            tuple(
-                each.text
-                for k in range(1, slot.attempts)
-                if (each := context.book.find(slot.number, k)) is not None
-            ),
-        )
-        for slot in slots
-    ]
+    tasks = []
+    for slot in slots:
+        earlier = (context.book.find(slot.number, k) for k in range(1, slot.attempts))
+        texts = tuple(each.text for each in earlier if each is not None)
+        tasks.append(WordingTask(slot, context.wish, context.options, texts))
     clock = ProgressClock(len(tasks), context.log, what="texts")
     if len(tasks) < FEW or any(each.name != "builtin" for each in context.writers.values()):
         for task in tasks:
@@ -243,21 +152,19 @@ def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wordin
             yield done.pop(waiting.popleft())
 
 
+def _name_row(slot: Slot) -> str:
+    return slot.name if slot.attempts == 1 else f"{slot.name}-try{slot.attempts}"
+
+
 def _build_entry(slot: Slot, wording: Wording, context: OrderContext) -> OrderEntry:
     background = context.wish.context.background
     return OrderEntry(
-        id=slot.name if slot.attempts == 1 else f"{slot.name}-try{slot.attempts}",
-        slot=slot.number,
-        attempt=slot.attempts,
-        event=slot.quota.event,
-        leaf=wording.leaf,
-        voice=wording.written.voice,
-        text=wording.written.text,
-        seed=wording.seed,
+        id=_name_row(slot), slot=slot.number, attempt=slot.attempts, event=slot.quota.event, leaf=wording.leaf,
+        voice=wording.written.voice, text=wording.written.text, seed=wording.seed,
         backend=list(choose_planner(slot, context.options)),
         background=None if background is None else background.model_dump(exclude_none=True),
         intersection=slot.intersection,
-    )
+    )  # fmt: skip
 
 
 def build_jobs(
@@ -271,18 +178,13 @@ def build_jobs(
     """The jobs of all that was written."""
     return [
         Job(
-            number=number,
-            key=entry.id,
-            folder=entry.id,
-            text=entry.text,
-            seed=entry.seed,
+            number=number, key=entry.id, folder=entry.id, text=entry.text, seed=entry.seed,
             options=replace(
                 options, intersection=entry.intersection or options.intersection,
                 backend=tuple(entry.backend), base_url=find_url(entry.backend, options.base_url),
             ),
             context={} if entry.background is None else {"background": entry.background},
-            asked=entry.event,
-            voice=entry.voice,
+            asked=entry.event, voice=entry.voice,
             wanted=slots[entry.slot].quota.leaves,
             split="test" if entry.intersection in held else None,
             asking=asking[tuple(entry.backend)],

@@ -31,12 +31,7 @@ from scenewright.dataset.batch.run import (
     list_settings,
 )
 from scenewright.dataset.batch.worker import Options, format_json_line
-from scenewright.dataset.orders.agent import (
-    OrderContext,
-    OrderState,
-    build_jobs,
-    build_order_graph,
-)
+from scenewright.dataset.orders.agent import OrderContext, build_jobs, fill_slots
 from scenewright.dataset.orders.order_log import BOOK, Book
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
@@ -139,18 +134,14 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
             limit=order.row_timeout, asking=speakers, log=log,
         )  # fmt: skip
         before = _list_sizes(order.out)
-        # Rounds are bounded by the budget; each takes three steps.
-        limit = {"recursion_limit": 4 * order.most + 8}
-        state: OrderState = build_order_graph().invoke({}, context=context, config=limit)
+        slots = fill_slots(context)
         with batch.lock_journals() as journal:
-            report = report_of(order, state, book, journal)
+            report = report_of(order, slots, book, journal)
             if before != _list_sizes(order.out) or not (order.out / MANIFEST).exists():
                 write_atomically(order.out / REPORT, format_json_line(report))
                 finish(
                     order.out,
-                    build_jobs(
-                        book.entries, state["slots"], order.options, speakers, held=order.held
-                    ),
+                    build_jobs(book.entries, slots, order.options, speakers, held=order.held),
                     journal,
                     about={key: value for key, value in header.items() if key != "journal"},
                     given=len(book.entries),
@@ -195,23 +186,16 @@ def build_order_header(order: Order) -> dict[str, Any]:
         "writer": order.writer,
         "budget": order.most,
         **list_settings(order.options),
-        **(
-            {"intersections": {name: hash_bundle(name) for name in order.places}}
-            if order.places
-            else {}
-        ),
-    }
+    } | (
+        {"intersections": {name: hash_bundle(name) for name in order.places}}
+        if order.places
+        else {}
+    )
 
 
-def report_of(order: Order, state: OrderState, book: Book, journal: Journal) -> dict[str, Any]:
+def report_of(order: Order, slots: Sequence[Slot], book: Book, journal: Journal) -> dict[str, Any]:
     """What was wanted, what there is, and why the rest could not be."""
-    slots = state["slots"]
-    quotas = [
-        _report_quota(
-            quota, [slot for slot in slots if slot.quota == quota], book, journal, order.out
-        )
-        for quota in order.wish.quotas
-    ]
+    quotas = [_report_quota(quota, slots, book, journal, order.out) for quota in order.wish.quotas]
     return {
         "order": order.text,
         "understood": order.wish.lines(),
@@ -228,12 +212,9 @@ def report_of(order: Order, state: OrderState, book: Book, journal: Journal) -> 
 
 
 def _report_quota(
-    quota: Quota,
-    slots: Sequence[Slot],
-    book: Book,
-    journal: Journal,
-    out: Path,
+    quota: Quota, all_slots: Sequence[Slot], book: Book, journal: Journal, out: Path
 ) -> dict[str, Any]:
+    slots = [slot for slot in all_slots if slot.quota == quota]
     mine = {slot.number for slot in slots}
     leaves, refused = Counter[str](dict.fromkeys(quota.leaves, 0)), Counter[str]()
     for slot in slots:
