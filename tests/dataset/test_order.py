@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from langgraph.runtime import Runtime
 
 import map_files
 from inline_jobs import run_jobs_inline, spread_inline
@@ -25,10 +24,10 @@ from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.worker import Options, Outcome
 from scenewright.dataset.orders import agent, writers
-from scenewright.dataset.orders.agent import build_slots
+from scenewright.dataset.orders.agent import Order, build_slots
 from scenewright.dataset.orders.order_log import BOOK, Book
 from scenewright.dataset.orders.order_spec import read_order
-from scenewright.dataset.orders.run import Order, build_paper_order, fill
+from scenewright.dataset.orders.run import build_paper_order, fill
 from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
 from scenewright.dataset.orders.templates import VOICES, list_voices, render_text
 from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, is_read_as
@@ -449,7 +448,8 @@ def test_texts_worded_on_workers_are_those_of_one_process(
 ) -> None:
     """The book has the texts in the order of the slots, whichever worker is ready first."""
     wish = read_order("4 yields")
-    slots = tuple(build_slots(wish, seed=0, places=["amsterdam_120"]))
+    first = build_slots(wish, seed=0, places=["amsterdam_120"])
+    slots = [replace(slot, attempts=1) for slot in first]
     books: list[bytes] = []
     progress_lines: list[str] = []
 
@@ -461,12 +461,12 @@ def test_texts_worded_on_workers_are_those_of_one_process(
         monkeypatch.setattr(agent, "FEW", few)
         folder = tmp_path / str(few)
         folder.mkdir()
+        wanted = Order(text="4 yields", wish=wish, out=folder, options=OPTIONS, workers=2)
         context: Any = SimpleNamespace(
-            wish=wish, options=OPTIONS, book=Book(folder), workers=2,
-            writers={"amsterdam_120": BuiltinWriter(ON)},
-            budget=9, log=lambda progress: progress_lines.append(format_progress(progress)),
+            order=wanted, book=Book(folder), writers={"amsterdam_120": BuiltinWriter(ON)},
+            log=lambda progress: progress_lines.append(format_progress(progress)),
         )  # fmt: skip
-        agent.write({"slots": slots, "spent": 0}, runtime=Runtime(context=context))
+        agent.write_instructions(slots, context)
         books.append((folder / BOOK).read_bytes())
 
     assert books[0] == books[1] != b""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from scenewright.intersections import REFINER_WEIGHTS
-from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.track_io.recording import Split
 from scenewright.tools.track_io.track_files import FileTracks
@@ -30,12 +31,7 @@ def adapt_refiner(
     There are no files, and the note says so, where held-out agents are not predicted better than
     by the weights that serve without: jittering tracks teach jitter.
     """
-    from scenewright.tools.trajnet_refiner.bundle_training import (
-        CARD,
-        OVERLAP,
-        compute_figures,
-        train_bundle,
-    )
+    from scenewright.tools.trajnet_refiner.bundle_training import OVERLAP, compute_figures
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.model import Refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
@@ -48,15 +44,28 @@ def adapt_refiner(
     tried = [each for each in recordings if each.split == "test"]
     own = Refiner.from_weights(serving.net.config, serving.net.weights)
     before = compute_figures(own, tried, stride=OVERLAP)
-    with tempfile.TemporaryDirectory() as scratch:
-        about = train_bundle(
-            name, recordings, out=Path(scratch), recipe=RECIPE.model_copy(update=GOES_ON),
-            start=serving.net, command=f"scenewright intersections fit {name} --train",
-            stride=OVERLAP,
-        )  # fmt: skip
-        made = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
-    note, better = compare_errors(before, about["figures"])
+    made, figures = train_to_files(
+        name, recordings, recipe=RECIPE.model_copy(update=GOES_ON), start=serving.net,
+        command=f"scenewright intersections fit {name} --train", stride=OVERLAP,
+    )  # fmt: skip
+    note, better = compare_errors(before, figures)
     return (made, f"the refiner is adapted: {note}") if better else ({}, f"not adapted: {note}")
+
+
+def train_to_files(
+    name: str, recordings: Sequence[Recording], **options: Any
+) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """Weights and card of a refiner that is trained, as files of a bundle, and what it is worth.
+
+    Args:
+        options: as of `train_bundle`.
+    """
+    from scenewright.tools.trajnet_refiner.bundle_training import CARD, train_bundle
+
+    with tempfile.TemporaryDirectory() as scratch:
+        about = train_bundle(name, recordings, out=Path(scratch), **options)
+        files = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
+    return files, dict(about["figures"])
 
 
 def _split_recordings(name: str, file: FileTracks) -> Iterator[Recording]:
@@ -68,15 +77,15 @@ def _split_recordings(name: str, file: FileTracks) -> Iterator[Recording]:
     for split, early in splits:
         own = [each for each in tracks if (each[1].start < until) == early]
         if own:
-            agents = tuple(sorted(map(_build_agent, own), key=lambda agent: agent.track.start))
+            shapes = [PEDESTRIAN if kind == "pedestrian" else get_vehicle_shape(kind)
+                      for kind, _ in own]  # fmt: skip
+            every = (
+                RecordedAgent(track, shape, complete=False)
+                for (_, track), shape in zip(own, shapes, strict=True)
+            )
+            agents = tuple(sorted(every, key=lambda agent: agent.track.start))
             end = max(agent.track.end for agent in agents)
             yield Recording(f"{name} {file.name}", agents[0].track.start, end, agents, split)
-
-
-def _build_agent(seen: tuple[str, Track]) -> RecordedAgent:
-    kind, track = seen
-    shape = PEDESTRIAN if kind == "pedestrian" else get_vehicle_shape(kind)
-    return RecordedAgent(track, shape, complete=False)
 
 
 def compare_errors(before: Figures, after: Figures) -> tuple[str, bool]:
@@ -88,6 +97,5 @@ def compare_errors(before: Figures, after: Figures) -> tuple[str, bool]:
         for kind in kinds
     ]
     worse = [k for k in kinds if after[f"{k}_ade_waypoints"] > before[f"{k}_ade_waypoints"]]
-    return "; ".join(notes) or f"fewer than {_FEWEST} moments of held-out agents", bool(
-        kinds
-    ) and not worse
+    said = "; ".join(notes) or f"fewer than {_FEWEST} moments of held-out agents"
+    return said, bool(kinds) and not worse

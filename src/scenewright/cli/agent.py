@@ -21,7 +21,7 @@ from scenewright.cli.tables import Corpus, RealTracks, parse_path, write_tables
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 
 if TYPE_CHECKING:
-    from scenewright.dataset.orders.run import Order
+    from scenewright.dataset.orders.agent import Order
 
 _SHOWN = 8
 
@@ -69,8 +69,8 @@ def run_agent(
     has the scenes made, and words anew or replaces what is refused, within the budget. Killed, the
     same command goes on. Exit code 3 if the order could not be filled; what there is stays.
     """
+    from scenewright.dataset.orders.agent import Order
     from scenewright.dataset.orders.order_spec import read_order
-    from scenewright.dataset.orders.run import Order
 
     wish = read_order(order)
     places = tuple(dict.fromkeys(filter(None, map(str.strip, (intersections or "").split(",")))))
@@ -111,7 +111,8 @@ def make_paper_dataset(
     foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
     goes on. With --tables the paper's tables are measured on it in the same run.
     """
-    from scenewright.dataset.orders.run import Order, build_paper_order
+    from scenewright.dataset.orders.agent import Order
+    from scenewright.dataset.orders.run import build_paper_order
 
     if not tables and (corpus or taf_bw):
         raise InputError("--corpus and --taf-bw are for the tables: say --tables as well")

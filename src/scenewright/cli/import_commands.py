@@ -92,9 +92,8 @@ def simulate(
     """
     from scenewright.cli.custom_intersections import simulate_own
 
-    kept = None if corpus is None else Path(corpus)
     with show_progress(quiet=quiet) as log:
-        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log, corpus=kept)
+        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log, corpus=corpus)
     _print_facts(facts, (), as_json=as_json)
 
 

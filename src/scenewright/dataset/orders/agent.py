@@ -12,8 +12,16 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
-from scenewright.dataset.batch.answering import Asking, Names, find_url, make_plain_name
+from scenewright.dataset.batch.answering import (
+    PLAINLY,
+    Asking,
+    Names,
+    find_record_path,
+    find_url,
+    make_plain_name,
+)
 from scenewright.dataset.batch.carry_out import (
     BatchFolder,
     Engine,
@@ -21,6 +29,7 @@ from scenewright.dataset.batch.carry_out import (
     ProgressClock,
 )
 from scenewright.dataset.batch.pool import spread
+from scenewright.dataset.batch.run import ROW_TIMEOUT
 from scenewright.dataset.batch.worker import Job, Options
 from scenewright.dataset.orders.order_log import Book, OrderEntry
 from scenewright.dataset.orders.order_spec import OrderSpec
@@ -35,8 +44,65 @@ from scenewright.dataset.orders.wording import (
 )
 from scenewright.dataset.orders.writers import Writer
 
+SPARE = 20
+"""Instructions beyond twice the scenes that a budget has if none is named."""
 FEW = 12
 """Texts for which no workers are started."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the agent was asked for.
+
+    Attributes:
+        text: the order as given, for the record; wish: as it was understood.
+        places: intersections, if not the options' one alone; the later half of them is held out:
+            their scenes are the test split.
+        writer: name of the writer of the instructions.
+        budget: most instructions; None: twice the scenes + 20.
+        row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
+            are asked, each has a file of answers of its own beside the one that is named.
+    """
+
+    text: str
+    wish: OrderSpec
+    out: Path
+    options: Options
+    places: tuple[str, ...] = ()
+    writer: str = "builtin"
+    budget: int | None = None
+    workers: int = 1
+    engine: Engine = "process"
+    title: str = "Traffic scenes to order"
+    row_timeout: float = ROW_TIMEOUT
+    asking: Asking = PLAINLY
+
+    @property
+    def all_places(self) -> tuple[str, ...]:
+        """Where its scenes are made."""
+        return self.places or (self.options.intersection,)
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Places whose scenes are all of the test split."""
+        return self.all_places[(len(self.all_places) + 1) // 2 :]
+
+    @property
+    def most(self) -> int:
+        """Instructions that may be written."""
+        return self.budget or 2 * self.wish.count + SPARE
+
+    def map_speakers(self) -> dict[Names, Asking]:
+        """Backend -> how its questions are put."""
+        others = [(quota.backend,) for quota in self.wish.quotas if quota.backend]
+        all_names: list[Names] = list(dict.fromkeys([self.options.backend, *others]))
+        asking = replace(self.asking, turns=self.out)
+        if len(all_names) == 1:
+            return {all_names[0]: asking}
+        return {
+            each: replace(asking, record=find_record_path(asking.record, make_plain_name(each)))
+            for each in all_names
+        }
 
 
 @dataclass(frozen=True)
@@ -44,48 +110,34 @@ class OrderContext:
     """What the agent works with.
 
     Attributes:
-        places: intersections that take turns; held: those whose scenes are all of the test split.
-        writers: of the instructions, for each place.
-        budget: instructions that may be written in all; limit: longest a row may take [s].
-        asking: backend -> how its questions are put.
+        writers: of the instructions, for each place; asking: backend -> how its questions are put.
     """
 
-    wish: OrderSpec
+    order: Order
     batch: BatchFolder
     book: Book
-    places: tuple[str, ...]
-    held: tuple[str, ...]
     writers: Mapping[str, Writer]
-    options: Options
-    budget: int
-    workers: int
-    engine: Engine
-    limit: float
     asking: Mapping[Names, Asking]
     log: ProgressCallback
 
 
 def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
     """Rounds, as long as slots are open and the budget is not spent; the slots as they end."""
+    order = context.order
     slots = {
         slot.number: slot
-        for slot in build_slots(context.wish, seed=context.options.seed, places=context.places)
+        for slot in build_slots(order.wish, seed=order.options.seed, places=order.all_places)
     }
-    left = context.budget
+    left = order.most
     while due := [slot for slot in slots.values() if slot.open][: max(left, 0)]:
         left -= len(due)
         due = [replace(slot, attempts=slot.attempts + 1) for slot in due]
         slots.update({slot.number: slot for slot in due})
-        new = [slot for slot in due if not context.book.find(slot.number, slot.attempts)]
-        for slot, wording in zip(new, _word_slots(new, context), strict=True):
-            context.book.add(_build_entry(slot, wording, context))
-        jobs = build_jobs(
-            context.book.entries, [*slots.values()], context.options, context.asking,
-            held=context.held,
-        )  # fmt: skip
+        write_instructions(due, context)
+        jobs = build_jobs(order, context.book.entries, [*slots.values()], context.asking)
         context.batch.carry_out(  # what is done is left alone
-            jobs, of=len(jobs), workers=context.workers, engine=context.engine,
-            limit=context.limit, log=context.log,
+            jobs, of=len(jobs), workers=order.workers, engine=order.engine,
+            limit=order.row_timeout, log=context.log,
         )  # fmt: skip
         for slot in due:
             name = _name_row(slot)
@@ -95,6 +147,13 @@ def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
             elif done is not None and done.status == "made":
                 slots[slot.number] = replace(slot, filled=name)
     return tuple(slots.values())
+
+
+def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
+    """Words each slot that has no instruction of this attempt yet, and enters it in the book."""
+    new = [slot for slot in due if not context.book.find(slot.number, slot.attempts)]
+    for slot, wording in zip(new, _word_slots(new, context), strict=True):
+        context.book.add(_build_entry(slot, wording, context))
 
 
 def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterator[Slot]:
@@ -135,7 +194,7 @@ def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wordin
     for slot in slots:
         earlier = (context.book.find(slot.number, k) for k in range(1, slot.attempts))
         texts = tuple(each.text for each in earlier if each is not None)
-        tasks.append(WordingTask(slot, context.wish, context.options, texts))
+        tasks.append(WordingTask(slot, context.order.wish, context.order.options, texts))
     clock = ProgressClock(len(tasks), context.log, what="texts")
     if len(tasks) < FEW or any(each.name != "builtin" for each in context.writers.values()):
         for task in tasks:
@@ -144,7 +203,7 @@ def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wordin
         return
     done: dict[int, Wording] = {}
     waiting = deque(task.slot.number for task in tasks)
-    for task, result in spread(tasks, word_by_templates, workers=context.workers):
+    for task, result in spread(tasks, word_by_templates, workers=context.order.workers):
         worded = result if isinstance(result, Wording) else word_by_templates(task)
         done[task.slot.number] = worded
         clock.log_end("made", now=True)
@@ -157,25 +216,25 @@ def _name_row(slot: Slot) -> str:
 
 
 def _build_entry(slot: Slot, wording: Wording, context: OrderContext) -> OrderEntry:
-    background = context.wish.context.background
+    background = context.order.wish.context.background
     return OrderEntry(
-        id=_name_row(slot), slot=slot.number, attempt=slot.attempts, event=slot.quota.event, leaf=wording.leaf,
-        voice=wording.written.voice, text=wording.written.text, seed=wording.seed,
-        backend=list(choose_planner(slot, context.options)),
+        id=_name_row(slot), slot=slot.number, attempt=slot.attempts, event=slot.quota.event,
+        leaf=wording.leaf, voice=wording.written.voice, text=wording.written.text,
+        seed=wording.seed,
+        backend=list(choose_planner(slot, context.order.options)),
         background=None if background is None else background.model_dump(exclude_none=True),
         intersection=slot.intersection,
     )  # fmt: skip
 
 
 def build_jobs(
+    order: Order,
     entries: Iterable[OrderEntry],
     slots: Sequence[Slot],
-    options: Options,
     asking: Mapping[Names, Asking],
-    *,
-    held: Sequence[str] = (),
 ) -> list[Job]:
     """The jobs of all that was written."""
+    options = order.options
     return [
         Job(
             number=number, key=entry.id, folder=entry.id, text=entry.text, seed=entry.seed,
@@ -186,7 +245,7 @@ def build_jobs(
             context={} if entry.background is None else {"background": entry.background},
             asked=entry.event, voice=entry.voice,
             wanted=slots[entry.slot].quota.leaves,
-            split="test" if entry.intersection in held else None,
+            split="test" if entry.intersection in order.held else None,
             asking=asking[tuple(entry.backend)],
         )
         for number, entry in enumerate(entries)
