@@ -30,7 +30,7 @@ from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import build_paper_order, fill
 from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
 from scenewright.dataset.orders.templates import VOICES, list_voices, render_text
-from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, is_read_as
+from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, TextReader
 from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import BackendFault, InputError
 from scenewright.intersections import load_map
@@ -132,28 +132,24 @@ def test_every_pattern_can_be_worded_in_many_voices() -> None:
 
 def test_nothing_is_worded_that_the_map_has_no_room_for() -> None:
     pattern = next(each for each in load_patterns() if each.id == "left_turn_opposite_collision")
-    rng, reader = np.random.default_rng(0), BuiltinWriter(ON)._reader
+    rng, reader = np.random.default_rng(0), TextReader(ON)
     one, other = list_parties(pattern, intersection_map=ON, detail=2, rng=rng)
     story = Story("collision", pattern.id, (one, other), None, None)
     text = f"A car turning left from the {one.side} collides with a car from the {other.side}"
-    assert is_read_as(reader, text, story, intersection_map=ON)
-    assert not is_read_as(
-        reader, text.replace("collides with", "follows"), story, intersection_map=ON
-    )
-    assert not is_read_as(reader, text + " in heavy traffic", story, intersection_map=ON)
+    assert reader.is_read_as(text, story)
+    assert not reader.is_read_as(text.replace("collides with", "follows"), story)
+    assert not reader.is_read_as(text + " in heavy traffic", story)
 
 
 def test_a_text_that_another_pattern_could_play_is_not_used() -> None:
     """Else patterns would not come out even: both turn, so one may as well follow the other."""
-    reader = BuiltinWriter(ON)._reader
+    reader = TextReader(ON)
     turning = Party("vehicle", "right"), Party("vehicle", "left")
     story = Story("collision", "turning_collision", turning, None, None)
-    assert not is_read_as(
-        reader, "A right-turning car hits a left-turning truck", story, intersection_map=ON
-    )
+    assert not reader.is_read_as("A right-turning car hits a left-turning truck", story)
     walking = Party("vehicle", "left"), Party("pedestrian", "crossing")
     story = Story("collision", "pedestrian_strike_left_turn", walking, None, None)
-    assert is_read_as(reader, "A left-turning car hits a pedestrian", story, intersection_map=ON)
+    assert reader.is_read_as("A left-turning car hits a pedestrian", story)
 
 
 def test_stories_are_worded_with_time_and_density_or_without() -> None:

@@ -67,11 +67,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     file = folder / MANIFEST
     try:
-        found = json.loads(file.read_bytes())
-        if not isinstance(found, dict) or not isinstance(found["files"], dict):
-            raise TypeError("no table of files")
-        for key in ("rows", "tables"):
-            if not isinstance(found[key], dict):
+        found: dict[str, Any] = json.loads(file.read_bytes())
+        for key in ("files", "rows", "tables"):
+            if not isinstance(found, dict) or not isinstance(found[key], dict):
                 raise TypeError(f"no table of {key}")
     except OSError as error:
         raise InputError(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenewright.dataset.tables.coverage import Covered
+from scenewright.dataset.tables.markdown import escape_markdown, format_table
 from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
 
 LICENCE = "apache-2.0"
@@ -121,8 +122,7 @@ def _format_front_matter(contents: Contents) -> str:
 
 
 def _format_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    head = [title, "", f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
-    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows)])
+    return f"{title}\n\n{format_table(columns, rows)}"
 
 
 def _format_counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str:
@@ -201,9 +201,3 @@ def _flatten(about: Mapping[str, Any]) -> dict[str, Any]:
         elif value is not None:
             found[key] = str(value)
     return found
-
-
-def escape_markdown(text: str, *, longest: int = 200) -> str:
-    """Text from anywhere on one line of at most so many characters, without active markup."""
-    line = " ".join(text.split())[:longest]
-    return "".join(f"\\{char}" if char in "|<>[]`*_\\" else char for char in line)

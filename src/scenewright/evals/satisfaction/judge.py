@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.rows import choose_folder
+from scenewright.dataset.tables.markdown import format_table
 from scenewright.errors import InputError
-from scenewright.evals.markdown import format_table
 from scenewright.evals.planning import PlanningShare, does_time_fit
 from scenewright.evals.satisfaction.seen import SeenAgent, see_agents
 from scenewright.graph.run import load_scene, load_tracks, verify, verify_tracks

@@ -10,9 +10,9 @@ from time import perf_counter
 from typing import Any
 
 from scenewright.backends import Backend
+from scenewright.dataset.tables.markdown import format_table
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import Figure
-from scenewright.evals.markdown import format_table
 from scenewright.evals.understanding.cases import (
     EVENTS_AT,
     SceneCase,
