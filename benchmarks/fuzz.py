@@ -310,8 +310,8 @@ def write_export(rng: random.Random, folder: Path) -> None:
 @cache
 def open_tools() -> tuple[Any, tuple[str, ...]]:
     """The server of one MCP session with a scene in it, and its tools' names."""
-    from scenewright.cli.backend_options import SessionOptions
     from scenewright.cli.mcp import build_server
+    from scenewright.cli.options import SessionOptions
 
     file = str(Path(tempfile.mkdtemp(prefix="scenewright-fuzz-")) / "threads.sqlite")
     server = build_server(SessionOptions(threads=file), thread="t", out=None)
@@ -343,7 +343,7 @@ def open_page() -> tuple[Any, str]:
     """A client of the page, and a conversation with one scene."""
     from starlette.testclient import TestClient
 
-    from scenewright.cli.backend_options import SessionOptions
+    from scenewright.cli.options import SessionOptions
     from scenewright.cli.page.server import Page, build_app
 
     folder = Path(tempfile.mkdtemp(prefix="scenewright-fuzz-"))

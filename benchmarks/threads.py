@@ -102,8 +102,8 @@ def compare(name: str, work: Callable[[Any], str], jobs: Sequence[Any], threads:
 
 def call_tools(count: int, threads: int) -> int:
     """How many calls of tools of one `scenewright mcp` raised; prints a line."""
-    from scenewright.cli.backend_options import SessionOptions
     from scenewright.cli.mcp import _ClientState
+    from scenewright.cli.options import SessionOptions
 
     def call(n: int) -> str:
         if n % 2:

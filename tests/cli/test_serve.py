@@ -23,8 +23,8 @@ from starlette.testclient import TestClient
 from inline_jobs import run_jobs_inline
 from scenewright import verify
 from scenewright.backends import load_backend
-from scenewright.cli.backend_options import SessionOptions
 from scenewright.cli.main import main
+from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.answers import read_bytes
 from scenewright.cli.page.server import Page, build_app
 from scenewright.errors import InputError

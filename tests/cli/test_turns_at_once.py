@@ -13,8 +13,8 @@ from scenewright.authoring.session import Session
 from scenewright.authoring.thread_state import ThreadSetting
 from scenewright.authoring.versions import EditResult, Setting, begin
 from scenewright.backends import load_backend
-from scenewright.cli.backend_options import SessionOptions
 from scenewright.cli.mcp import build_server
+from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.conversations import Conversations
 from scenewright.errors import BusyError
 from scenewright.memory.threads import Threads

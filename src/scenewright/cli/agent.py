@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenewright.cli.backend_options import UNASKED
 from scenewright.cli.batch import Out, RunOptions, show_batch_progress
-from scenewright.cli.common_options import Json, Quiet, argument, option
 from scenewright.cli.console import (
     format_one_line,
     log_line,
@@ -17,6 +15,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.dataset import dataset
+from scenewright.cli.options import UNASKED, Json, Quiet, argument, option
 from scenewright.cli.tables import Corpus, RealTracks, parse_path, write_tables
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenewright.cli.backend_options import BaseUrl, TimeLimit, Timeout
-from scenewright.cli.common_options import Json, Quiet, argument, option
 from scenewright.cli.console import format_one_line, log_line, show_progress, write_result
+from scenewright.cli.options import BaseUrl, Json, Quiet, TimeLimit, Timeout, argument, option
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:

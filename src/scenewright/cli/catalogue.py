@@ -10,10 +10,10 @@ from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.common_options import Commands, Json, Quiet, argument, option
+from scenewright.cli.batch import Sampling, SweepOptions, sweep
 from scenewright.cli.console import format_columns, write_result, write_stdout
+from scenewright.cli.options import Commands, Json, Quiet, argument, option
 from scenewright.cli.output_folder import try_folder
-from scenewright.cli.sweep import Sampling, SweepOptions, sweep
 from scenewright.errors import InputError
 
 catalogue = Commands(name="catalogue", help="Shipped plans of consumer tests and regulations.")

@@ -209,7 +209,7 @@ class _ChatLoop:
         return f"{self._session.thread}-{shown.version['number']}"
 
     def _save(self, arguments: list[str]) -> dict[str, Any]:
-        from scenewright.cli.save import save_version
+        from scenewright.cli.views import save_version
 
         shown = get_version(self._session)
         place = " ".join(arguments) or self._out or str(Path("scenes") / self._name(shown))
@@ -258,7 +258,7 @@ class _ChatLoop:
 
     def _open(self) -> dict[str, Any]:
         """Opens the recording of the current version, until its viewer is closed."""
-        from scenewright.cli.save import record_version
+        from scenewright.cli.views import record_version
         from scenewright.viz.recording import open_recording
 
         shown = get_version(self._session)

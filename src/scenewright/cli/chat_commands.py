@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenewright.cli.backend_options import SessionOptions
-from scenewright.cli.common_options import Commands, Json, Quiet, option
 from scenewright.cli.console import format_one_line, log_line, write_json, write_result
+from scenewright.cli.options import Commands, Json, Quiet, SessionOptions, option
 from scenewright.cli.output_folder import try_folder
 
 memory = Commands(name="memory", help="Accepted scenes, recalled as examples for prompts.")

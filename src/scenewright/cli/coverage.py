@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenewright.cli.common_options import Json, argument, option
 from scenewright.cli.console import format_columns, log_line, write_json, write_stdout
 from scenewright.cli.errors import NOT_VERIFIED
+from scenewright.cli.options import Json, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.dataset.tables.junit import Case, build_junit
 from scenewright.errors import InputError

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.arrays import read_arrays
-from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner, train_to_files
 from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.cli.learned_walks import learn_walks
+from scenewright.cli.refiners import GOES_ON, adapt_refiner, train_to_files
 from scenewright.cli.views import render
 from scenewright.errors import InputError
 from scenewright.extras import require_extra

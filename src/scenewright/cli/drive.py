@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from scenewright.cli.backend_options import TimeLimit
 from scenewright.cli.batch import Workers, count_cores
-from scenewright.cli.common_options import Json, Quiet, argument, option
 from scenewright.cli.console import (
     format_columns,
     format_one_line,
@@ -23,6 +21,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
+from scenewright.cli.options import Json, Quiet, TimeLimit, argument, option
 from scenewright.cli.output_folder import fill_folder, target_folder, try_file
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.extras import describe_missing, require_extra

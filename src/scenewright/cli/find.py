@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenewright.cli.common_options import Json, argument, option
 from scenewright.cli.console import (
     count,
     format_columns,
@@ -19,6 +18,7 @@ from scenewright.cli.console import (
     write_result,
 )
 from scenewright.cli.errors import UNUSABLE
+from scenewright.cli.options import Json, argument, option
 from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.files import write_atomically

@@ -1,4 +1,4 @@
-"""The commands for intersections of one's own: import, simulate, fit."""
+"""`scenewright intersections`: what there is, and how one of one's own is made."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.common_options import Json, Quiet, argument, option
 from scenewright.cli.console import (
     format_one_line,
     log_line,
@@ -14,12 +13,16 @@ from scenewright.cli.console import (
     write_result,
     write_stdout,
 )
-from scenewright.cli.intersection_options import FitOptions, ImportOptions
+from scenewright.cli.intersection_options import FitOptions, ImportOptions, TrainOptions
+from scenewright.cli.options import Commands, Json, Quiet, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 
+intersections = Commands(name="intersections", help="The intersections that scenes can be made at.")
 
+
+@intersections.command("import")
 def import_map_file(
     *,
     file: str = argument(..., "OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml."),
@@ -35,6 +38,7 @@ def import_map_file(
     _print_facts(facts, () if quiet else import_text(facts), as_json=as_json)
 
 
+@intersections.command("junctions")
 def show_junctions(
     file: str = argument(..., "A map file; see `import`."),
     street: list[str] | None = option(None, "Only junctions of this street.", metavar="NAME"),
@@ -51,6 +55,7 @@ def show_junctions(
     write_result(facts, format_rows(found), as_json=as_json)
 
 
+@intersections.command("export")
 def export_map(
     name: str = argument(..., "An intersection; see `list`."),
     out: str = argument(
@@ -75,6 +80,7 @@ def export_map(
     write_stdout(f"{out}\n")
 
 
+@intersections.command("simulate")
 def simulate(
     name: str = argument(..., "Its name."),
     minutes: int = option(20, "How much traffic [min].", min=10, max=240),
@@ -97,6 +103,7 @@ def simulate(
     _print_facts(facts, (), as_json=as_json)
 
 
+@intersections.command("fit")
 def fit(
     *,
     name: str = argument(..., "Its name."),
@@ -115,6 +122,55 @@ def fit(
     with show_progress(quiet=quiet) as log:
         facts = fit_own(name, tracks, options, log=log)
     _print_facts(facts, () if quiet else fit_text(facts), as_json=as_json)
+
+
+@intersections.command("list")
+def list_all(as_json: Json = False) -> None:
+    """List the intersections there are."""
+    from scenewright.cli.intersections import format_intersections, summarize_intersections
+
+    rows = summarize_intersections()
+    write_result({"intersections": rows}, format_intersections(rows), as_json=as_json)
+
+
+@intersections.command("show")
+def show_one(
+    name: str = argument(..., "Its name."),
+    png: str | None = option(None, "Draw the map to this file.", metavar="F"),
+    samples: bool = option(False, "In the picture, paths drawn from the priors too."),
+    rrd: str | None = option(None, "Write it as a recording for the rerun viewer.", metavar="F"),
+    as_json: Json = False,
+) -> None:
+    """Say what an intersection has: legs, movements, crosswalks, signals."""
+    from scenewright.cli.intersections import describe_intersection, format_intersection
+
+    facts = describe_intersection(name)
+    if png is not None or rrd is not None:
+        from scenewright.cli.custom_intersections import draw_own, record_own
+
+        if png is not None:
+            draw_own(png, name, with_samples=samples)
+            facts["png"] = png
+        if rrd is not None:
+            record_own(rrd, name)
+            facts["rrd"] = rrd
+    write_result(facts, format_intersection(facts), as_json=as_json)
+
+
+@intersections.command("train")
+def train(
+    *,
+    name: str = argument(..., "Its name."),
+    options: TrainOptions,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Train an intersection's refiner; started again after a kill, it goes on where it was."""
+    from scenewright.cli.refiners import train_refiner
+
+    with show_progress(quiet=quiet) as log:
+        made = train_refiner(name, options, log=log)
+    write_result({"name": name, **made}, f"{made['folder']}\n", as_json=as_json)
 
 
 def _print_facts(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: bool) -> None:

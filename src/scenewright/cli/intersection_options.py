@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from scenewright.cli.common_options import option
+from scenewright.cli.options import option
 from scenewright.cli.output_folder import try_folder
 
 

@@ -20,12 +20,9 @@ import typer
 
 from scenewright.cli.agent import run_agent
 from scenewright.cli.author import author
-from scenewright.cli.backend_options import ModelOptions
-from scenewright.cli.batch import make_batch
+from scenewright.cli.batch import make_batch, sweep
 from scenewright.cli.catalogue import catalogue
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
-from scenewright.cli.check import check_installation
-from scenewright.cli.common_options import Commands, Json, Quiet, argument, option
 from scenewright.cli.console import (
     ReaderGoneError,
     abandon_stdout,
@@ -37,7 +34,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.coverage import show_coverage
-from scenewright.cli.dataset import dataset
+from scenewright.cli.dataset import dataset, export
 from scenewright.cli.drive import drive
 from scenewright.cli.errors import (
     INTERRUPTED,
@@ -46,28 +43,19 @@ from scenewright.cli.errors import (
     UNUSABLE,
     to_cli_error,
 )
-from scenewright.cli.evals import evals
-from scenewright.cli.export import export
+from scenewright.cli.evals import evals, score_satisfaction
 from scenewright.cli.find import find
-from scenewright.cli.import_commands import (
-    export_map,
-    fit,
-    import_map_file,
-    show_junctions,
-    simulate,
-)
+from scenewright.cli.import_commands import intersections
 from scenewright.cli.interrupts import get_note, watch_signals
-from scenewright.cli.intersection_options import TrainOptions
 from scenewright.cli.make import MakeOptions, make_scene, read_request
+from scenewright.cli.options import Commands, Json, ModelOptions, Quiet, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.cli.planner import planner
-from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
-from scenewright.cli.sweep import sweep
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
-from scenewright.cli.warm import warm
+from scenewright.cli.warm import check_installation, warm
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file
 from scenewright.graph.collector import HARDLY_EVER
@@ -79,7 +67,6 @@ app = Commands(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-intersections = Commands(name="intersections", help="The intersections that scenes can be made at.")
 app.command("batch")(make_batch)
 app.command()(sweep)
 app.add_typer(catalogue)
@@ -88,11 +75,6 @@ app.command("check")(check_installation)
 evals.command("satisfaction")(score_satisfaction)
 evals.command("tables")(print_tables)
 app.command("agent")(run_agent)
-intersections.command("import")(import_map_file)
-intersections.command("junctions")(show_junctions)
-intersections.command("export")(export_map)
-intersections.command("simulate")(simulate)
-intersections.command("fit")(fit)
 app.add_typer(intersections)
 evals.command("understanding")(score_understanding)
 app.add_typer(evals)
@@ -269,7 +251,7 @@ def show(
     asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
     wanted = {kind: name for kind, name in asked.items() if name is not None}
     if wanted:
-        from scenewright.cli.show import write_views
+        from scenewright.cli.views import write_views
 
         write_views(scenes, wanted, whole=whole)
         write_stdout("".join(f"{name}\n" for name in wanted.values()))
@@ -279,56 +261,6 @@ def show(
     if len(scenes) > 1:
         raise InputError("one recording is opened at a time; --png F draws several scenes")
     open_recording(scenes[0])
-
-
-@intersections.command("list")
-def list_all(as_json: Json = False) -> None:
-    """List the intersections there are."""
-    from scenewright.cli.intersections import format_intersections, summarize_intersections
-
-    rows = summarize_intersections()
-    write_result({"intersections": rows}, format_intersections(rows), as_json=as_json)
-
-
-@intersections.command("show")
-def show_one(
-    name: str = argument(..., "Its name."),
-    png: str | None = option(None, "Draw the map to this file.", metavar="F"),
-    samples: bool = option(False, "In the picture, paths drawn from the priors too."),
-    rrd: str | None = option(None, "Write it as a recording for the rerun viewer.", metavar="F"),
-    as_json: Json = False,
-) -> None:
-    """Say what an intersection has: legs, movements, crosswalks, signals."""
-    from scenewright.cli.intersections import describe_intersection, format_intersection
-
-    facts = describe_intersection(name)
-    if png is not None:
-        from scenewright.cli.custom_intersections import draw_own
-
-        draw_own(png, name, with_samples=samples)
-        facts = {**facts, "png": png}
-    if rrd is not None:
-        from scenewright.cli.custom_intersections import record_own
-
-        record_own(rrd, name)
-        facts = {**facts, "rrd": rrd}
-    write_result(facts, format_intersection(facts), as_json=as_json)
-
-
-@intersections.command("train")
-def train(
-    *,
-    name: str = argument(..., "Its name."),
-    options: TrainOptions,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Train an intersection's refiner; started again after a kill, it goes on where it was."""
-    from scenewright.cli.train import train_refiner
-
-    with show_progress(quiet=quiet) as log:
-        made = train_refiner(name, options, log=log)
-    write_result({"name": name, **made}, f"{made['folder']}\n", as_json=as_json)
 
 
 _PREFIX = "SCENEWRIGHT_"

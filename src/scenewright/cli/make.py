@@ -10,10 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from scenewright.cli.backend_options import Lawful, MaxAgents, ModelOptions, TimeLimit
-from scenewright.cli.common_options import option
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
+from scenewright.cli.options import Lawful, MaxAgents, ModelOptions, TimeLimit, option
+from scenewright.cli.output_folder import fill_folder, shorten_path, target_folder, try_folder
 from scenewright.cli.views import ViewKind, add_views, write_view
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file
@@ -165,12 +164,6 @@ def choose_folder_name(scene_id: str) -> str:
     """A scene id as a plain file name: it derives from text of any origin."""
     slug = re.sub(r"[^a-z0-9_]+", "-", scene_id.lower()).strip("-")[:80].rstrip("-")
     return slug or "scene"
-
-
-def shorten_path(target: Path) -> Path:
-    """Relative where that is shorter to read."""
-    here = Path.cwd()
-    return target.relative_to(here) if target.is_relative_to(here) else target
 
 
 def _add_views(

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mcp.server import MCPServer
 
     from scenewright.authoring.session import Session, SessionVersion
-    from scenewright.cli.backend_options import SessionOptions
+    from scenewright.cli.options import SessionOptions
 
 _GUIDE = """\
 Makes verified traffic scenes at one intersection. make_scene takes an instruction in plain
@@ -271,7 +271,7 @@ class _ClientState:
     @_refuse_unusable
     def save_scene(self) -> dict[str, Any]:
         """Writes the current version to a folder under the one that the server was started with."""
-        from scenewright.cli.save import save_version
+        from scenewright.cli.views import save_version
 
         shown = self._find("current")
         if self._out is None:

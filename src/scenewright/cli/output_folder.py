@@ -106,6 +106,12 @@ def write_report(folder: str | Path, name: str, page: str, values: Mapping[str, 
     return target
 
 
+def shorten_path(target: Path) -> Path:
+    """Relative where that is shorter to read."""
+    here = Path.cwd()
+    return target.relative_to(here) if target.is_relative_to(here) else target
+
+
 def _is_replaceable(target: Path) -> bool:
     """Empty, or nothing but an earlier scene."""
     found = {entry.name for entry in target.iterdir()}

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.common_options import Commands, Json, argument, option
 from scenewright.cli.console import log_line, show_progress, write_result
 from scenewright.cli.errors import UNUSABLE
+from scenewright.cli.options import Commands, Json, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.errors import InputError
 

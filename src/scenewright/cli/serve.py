@@ -7,9 +7,8 @@ import socket
 import threading
 from contextlib import suppress
 
-from scenewright.cli.backend_options import SessionOptions
-from scenewright.cli.common_options import option
 from scenewright.cli.console import log_line
+from scenewright.cli.options import SessionOptions, option
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.extras import require_extra
 from scenewright.time_limit import check_time_limit

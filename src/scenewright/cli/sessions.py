@@ -14,7 +14,7 @@ from scenewright.intersections import find_data_folder
 if TYPE_CHECKING:
     from scenewright.authoring.session import Session, SessionVersion
     from scenewright.backends import Backend
-    from scenewright.cli.backend_options import SessionOptions
+    from scenewright.cli.options import SessionOptions
     from scenewright.memory.threads import Threads
 
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.common_options import Json, Quiet, argument, option
 from scenewright.cli.console import log_line, show_progress, write_result
+from scenewright.cli.options import Json, Quiet, argument, option
 from scenewright.cli.output_folder import try_folder, write_report
 from scenewright.errors import InputError
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from scenewright.cli.backend_options import ModelOptions
-from scenewright.cli.common_options import BoardOptions, Json, Quiet, argument, option
 from scenewright.cli.console import log_line, show_progress, write_result
+from scenewright.cli.options import BoardOptions, Json, ModelOptions, Quiet, argument, option
 from scenewright.cli.output_folder import try_file, try_folder, write_report
 from scenewright.errors import InputError
 

@@ -1,14 +1,18 @@
-"""`scenewright warm`: the innermost loops compiled, on two cores."""
+"""`scenewright check` and `warm`: whether scenes can be made here; the innermost loops compiled."""
 
 from __future__ import annotations
 
 import multiprocessing
+import platform
 import signal
 import time
 from typing import Any
 
-from scenewright.cli.common_options import Json, Quiet
-from scenewright.cli.console import show_progress, write_result
+import typer
+
+from scenewright.cli.console import say_if_new, show_progress, write_result
+from scenewright.cli.errors import NOT_VERIFIED
+from scenewright.cli.options import Json, Quiet, option
 
 LOOPS = 190
 """That both processes compile, for the progress."""
@@ -74,3 +78,31 @@ def compile_last_stages(compiled: Any) -> None:
             run_rollout(refiner.net, known, classes=both, waypoints=waypoints, keep=2, lead=3)
         tracks = read_csv("\n".join(["t,id,class,x,y", *rows]), name="warm")
         examine_tracks(tracks, intersection=DEFAULT_INTERSECTION)
+
+
+_TEXT = "A car yields to a pedestrian"
+
+
+def check_installation(
+    as_json: Json = False,
+    seed: int = option(0, "Of the scene that is made."),
+) -> None:
+    """Make a scene, verify it, and say so in one line; nothing is written."""
+    from scenewright import __version__
+    from scenewright.graph.run import synthesize, verify
+
+    say_if_new()
+    start = time.perf_counter()
+    scene = synthesize(_TEXT, seed=seed)
+    verdict = verify(scene, strict=True).verdict
+    facts = {
+        "scenewright": __version__,
+        "python": platform.python_version(),
+        "refiner": scene.provenance["refinement"]["refiner"],
+        "seconds": round(time.perf_counter() - start, 1),
+        "verdict": verdict,
+    }
+    text = ", ".join(f"{name} {value}" for name, value in facts.items()) + "\n"
+    write_result({"ok": verdict == "verified", **facts}, text, as_json=as_json)
+    if verdict != "verified":
+        raise typer.Exit(NOT_VERIFIED)

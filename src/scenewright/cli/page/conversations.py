@@ -14,9 +14,8 @@ from scenewright.authoring.read_turn import SENTENCE
 from scenewright.authoring.session import LENIENT, MAIN, Session, SessionVersion, list_branches
 from scenewright.authoring.thread_state import ThreadState
 from scenewright.backends import Backend
-from scenewright.cli.backend_options import SessionOptions
 from scenewright.cli.chat import build_facts
-from scenewright.cli.page.plan_form import read_plan_object
+from scenewright.cli.options import SessionOptions
 from scenewright.cli.sessions import (
     choose_free_name,
     compare,
@@ -26,12 +25,13 @@ from scenewright.cli.sessions import (
 )
 from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
-from scenewright.graph.run import plan_instruction
+from scenewright.graph.run import check_plan, plan_instruction
 from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
 from scenewright.nodes.remaining import OR_LENIENT
 from scenewright.scene.called import call_agents, speak_plainly
-from scenewright.scene.plan_file import PlanFile
+from scenewright.scene.phrasing import describe_graph
+from scenewright.scene.plan_file import PlanFile, compute_digest, read_plan
 from scenewright.scene.record import NEXT_TEXT
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import limit_time
@@ -275,3 +275,28 @@ class Conversations:
         )
         self._open[name] = Conversation(session, threads)
         return self._open[name]
+
+
+def read_plan_object(given: Any) -> PlanFile:
+    """The plan in an object of the page; InputError, which names the field, if it is none."""
+    if not isinstance(given, dict):
+        raise InputError("a plan is an object with its fields")
+    return read_plan(given)
+
+
+def check_plan_object(given: Any, intersection: str) -> PlanFile:
+    """The plan in an object of the page, if that intersection has ways for its agents."""
+    found = read_plan_object(given)
+    check_plan(found, intersection=intersection)
+    return found
+
+
+def describe_plan_file(found: PlanFile) -> dict[str, Any]:
+    """The fields that are set, as a plan file has them, and the plan in words."""
+    fields = found.plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    words = found.text if found.as_read else describe_graph(found.plan)
+    if found.text:
+        fields["text"] = found.text
+    if found.as_read:
+        fields["read_as"] = compute_digest(found.plan, found.text)
+    return {"plan": fields, "words": words}

@@ -21,7 +21,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Route
 
 from scenewright.backends import Backend
-from scenewright.cli.backend_options import SessionOptions
+from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.answers import (
     answer_safely,
     describe_fault,
@@ -29,10 +29,14 @@ from scenewright.cli.page.answers import (
     refuse,
 )
 from scenewright.cli.page.batches import Batches
-from scenewright.cli.page.conversations import Conversation, Conversations
+from scenewright.cli.page.conversations import (
+    Conversation,
+    Conversations,
+    check_plan_object,
+    describe_plan_file,
+)
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
-from scenewright.cli.page.plan_form import check_plan_object, describe_plan_file
 from scenewright.cli.page.saved import SAVED, write_saved
 from scenewright.cli.page.schema import NewThread, PlanSource, Turn, describe_routes
 from scenewright.cli.page.suggestions import list_places, list_words
