@@ -127,8 +127,8 @@ def make_batch(
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
     the reason and stop nothing.
     """
+    from scenewright.dataset.batch.manifest import EXPORTS, list_scenes
     from scenewright.dataset.batch.run import Request, parse_shard, predict_run, run_batch
-    from scenewright.dataset.batch.scenes import EXPORTS, list_scenes
     from scenewright.graph.export import export
     from scenewright.tools.exporters import find_format
 

@@ -39,7 +39,7 @@ def show_coverage(
     Exit code 0 if all goals are met, 1 if not.
     """
     from scenewright.dataset.batch.fill import build_fill
-    from scenewright.dataset.batch.overview import draw_coverage
+    from scenewright.dataset.batch.pictures import draw_coverage
     from scenewright.dataset.batch.sweep import measure_sweep
     from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 

@@ -147,7 +147,7 @@ def export_dataset(
     as_json: Json = False,
 ) -> None:
     """Write every scene of a dataset in another format; docs/exports.md describes each."""
-    from scenewright.dataset.batch.scenes import list_scenes
+    from scenewright.dataset.batch.manifest import list_scenes
     from scenewright.graph.export import export
 
     scenes = list_scenes(Path(folder))

@@ -138,8 +138,7 @@ def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: 
     Raises:
         InputError: there is no scene, or a file cannot be written.
     """
-    from scenewright.dataset.batch.manifest import MANIFEST
-    from scenewright.dataset.batch.scenes import list_scenes
+    from scenewright.dataset.batch.manifest import MANIFEST, list_scenes
     from scenewright.graph.run import load_scene, verify
 
     folders = [Path(each) for each in scenes]

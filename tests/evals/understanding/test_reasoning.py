@@ -18,14 +18,16 @@ from scenewright.evals.understanding.observation import (
     observe,
 )
 from scenewright.evals.understanding.pair_features import NAMES, mirror_features
-from scenewright.evals.understanding.pipeline import find_method, predict_with_events, reason
-from scenewright.evals.understanding.route_components import list_sides, load_components
-from scenewright.evals.understanding.rule_baseline import (
+from scenewright.evals.understanding.pipeline import (
     check_predicted_tracks,
+    find_method,
     predict_constant_velocity,
+    predict_with_events,
     predict_with_refiner,
+    reason,
     to_relations,
 )
+from scenewright.evals.understanding.route_components import list_sides, load_components
 from scenewright.evals.understanding.zone_features import (
     IN_ZONE,
     NONE,

@@ -102,8 +102,8 @@ def test_a_file_must_be_whole(
         (json.dumps(one), "rows are missing"),
         (json.dumps(one) + "\n" + json.dumps(one), "a second row"),
         ("", "holds no predictions"),
-        ("{", "not a JSON object"),
-        ("[" * 100_000, "not a JSON object"),
+        ("{", "Invalid JSON"),
+        ("[" * 100_000, "Invalid JSON"),
     ):
         file.write_text(text)
         assert run(*words) == 2

@@ -20,10 +20,10 @@ from scenewright.evals.understanding.pipeline import (
     apply_rules,
     ask_agent,
     find_method,
+    predict_constant_velocity,
     reason,
 )
 from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.rule_baseline import predict_constant_velocity
 from scripted import build_scripted_backend
 
 

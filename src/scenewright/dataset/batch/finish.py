@@ -17,12 +17,10 @@ import numpy as np
 from scenewright.dataset.batch.answering import label
 from scenewright.dataset.batch.journal import Journal, JournalEntry
 from scenewright.dataset.batch.manifest import hash_files, write_manifest
-from scenewright.dataset.batch.overview import draw_overview
-from scenewright.dataset.batch.statistics import Statistics, draw_statistics
+from scenewright.dataset.batch.pictures import Statistics, draw_overview, draw_statistics
 from scenewright.dataset.batch.worker import Job
-from scenewright.dataset.tables.card import ABSTRACT, Contents, format_card
+from scenewright.dataset.tables.card import ABSTRACT, Contents, describe_in_croissant, format_card
 from scenewright.dataset.tables.coverage import Encounter, list_encounters, measure_coverage
-from scenewright.dataset.tables.croissant import describe_in_croissant
 from scenewright.dataset.tables.parquet import (
     TABLES,
     SceneFiles,

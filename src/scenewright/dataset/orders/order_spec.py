@@ -18,15 +18,40 @@ MOST = 100_000
 EXAMPLE = '"40 collisions and 50 yields at rush hour"'
 
 
-def _list(words: str) -> list[str]:
-    return words.split()
-
-
-_UNITS = _list(
-    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen "
-    "sixteen seventeen eighteen nineteen"
-)
-_TENS = _list("zero ten twenty thirty forty fifty sixty seventy eighty ninety")
+_UNITS = [
+    "zero",
+    "one",
+    "two",
+    "three",
+    "four",
+    "five",
+    "six",
+    "seven",
+    "eight",
+    "nine",
+    "ten",
+    "eleven",
+    "twelve",
+    "thirteen",
+    "fourteen",
+    "fifteen",
+    "sixteen",
+    "seventeen",
+    "eighteen",
+    "nineteen",
+]
+_TENS = [
+    "zero",
+    "ten",
+    "twenty",
+    "thirty",
+    "forty",
+    "fifty",
+    "sixty",
+    "seventy",
+    "eighty",
+    "ninety",
+]
 _LARGE = {"hundred": 100, "thousand": 1000, "dozen": 12, "score": 20}
 _NUMBER_WORDS = {
     **{word: value for value, word in enumerate(_UNITS)},
@@ -35,12 +60,12 @@ _NUMBER_WORDS = {
 }  # fmt: skip
 _KINDS: Mapping[str, frozenset[str]] = {
     "collide_at": frozenset(
-        _list("collision crash accident strike impact collide hit wreck tbone")
+        ["collision", "crash", "accident", "strike", "impact", "collide", "hit", "wreck", "tbone"]
     ),
     "near_miss": frozenset(["near_miss", "miss", "call", "near"]),
-    "yield_to": frozenset(_list("yield yielding giveway give way")),
-    "follow": frozenset(_list("follow following platoon")),
-    NORMAL: frozenset(_list("normal ordinary uneventful quiet plain regular routine")),
+    "yield_to": frozenset(["yield", "yielding", "giveway", "give", "way"]),
+    "follow": frozenset(["follow", "following", "platoon"]),
+    NORMAL: frozenset(["normal", "ordinary", "uneventful", "quiet", "plain", "regular", "routine"]),
 }
 """Words that name a relation."""
 _MEANS: Mapping[str, tuple[str, ...]] = {
@@ -58,17 +83,75 @@ _RIDERS: Mapping[str, AgentClass] = {
 }  # fmt: skip
 """Words that name a class of riders; the relations know riders alone."""
 _EMPTY = frozenset(
-    _list(
-        "scene scenes event events of the a an with case cases example examples call calls close "
-        "different varied various diverse some more kind kinds type types each every pattern "
-        "patterns leaf leaves conflict conflicts traffic safety critical situation all any"
-    )
+    [
+        "scene",
+        "scenes",
+        "event",
+        "events",
+        "of",
+        "the",
+        "a",
+        "an",
+        "with",
+        "case",
+        "cases",
+        "example",
+        "examples",
+        "call",
+        "calls",
+        "close",
+        "different",
+        "varied",
+        "various",
+        "diverse",
+        "some",
+        "more",
+        "kind",
+        "kinds",
+        "type",
+        "types",
+        "each",
+        "every",
+        "pattern",
+        "patterns",
+        "leaf",
+        "leaves",
+        "conflict",
+        "conflicts",
+        "traffic",
+        "safety",
+        "critical",
+        "situation",
+        "all",
+        "any",
+    ]
 )
 _STOPS = frozenset(
-    _list(
-        "at in on during around about between before after by from for over under near as please "
-        "where when while which that who"
-    )
+    [
+        "at",
+        "in",
+        "on",
+        "during",
+        "around",
+        "about",
+        "between",
+        "before",
+        "after",
+        "by",
+        "from",
+        "for",
+        "over",
+        "under",
+        "near",
+        "as",
+        "please",
+        "where",
+        "when",
+        "while",
+        "which",
+        "that",
+        "who",
+    ]
 )
 _WINDOWS: Mapping[str, tuple[tuple[int, int], ...]] = {
     "morning rush": ((390, 600),), "evening rush": ((930, 1170),), "afternoon rush": ((930, 1170),),
@@ -194,7 +277,11 @@ def _parse_count(words: list[str], at: int) -> tuple[int, int] | None:
     span = words[begin : _end_of(words, begin)]
     if {"background", "other"} & set(span):
         return None
-    named = any(_find_kind(word) for word in span) or _is_known(span)
+    stems = [_make_singular(word) for word in span if word not in _EMPTY]
+    known = {part for pattern in load_patterns() for part in _list_vocabulary(pattern)}
+    named = any(_find_kind(word) for word in span) or any(
+        stem in known or stem in _RIDERS or _MEANS.get(stem) for stem in stems
+    )
     each = bool({"each", "every", "scene", "scenes", "event", "events"} & set(span))
     return (count, begin) if named or each else None
 
@@ -240,12 +327,6 @@ def _make_singular(word: str) -> str:
         if word.endswith(end) and not word.endswith("ss"):
             return word.removesuffix(end) + without
     return word
-
-
-def _is_known(span: list[str]) -> bool:
-    every = {part for pattern in load_patterns() for part in _list_vocabulary(pattern)}
-    stems = [_make_singular(word) for word in span if word not in _EMPTY]
-    return any(stem in every or stem in _RIDERS or _MEANS.get(stem) for stem in stems)
 
 
 def _parse_quotas(span: list[str], count: int) -> list[Quota]:
@@ -338,10 +419,6 @@ def _parse_setting(rest: str) -> tuple[tuple[tuple[int, int], ...], SceneContext
     context = SceneContext.model_validate(reply.get("context") or {})
     named = next((_WINDOWS[words] for words in _WINDOWS if re.search(rf"\b{words}\b", rest)), None)
     if named is None and context.time_of_day is not None:
-        named = (_parse_minutes(context.time_of_day),)
+        ends = [60 * int(part[:2]) + int(part[3:]) for part in context.time_of_day.split("-")]
+        named = ((ends[0], ends[-1]),)
     return named or (), context.model_copy(update={"time_of_day": None})
-
-
-def _parse_minutes(text: str) -> tuple[int, int]:
-    ends = [int(part[:2]) * 60 + int(part[3:]) for part in text.split("-")]
-    return ends[0], ends[-1]

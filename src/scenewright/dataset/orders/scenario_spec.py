@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -78,9 +79,8 @@ def list_parties(
     options = list(_list_meetings(pattern, intersection_map))
     met = bool(options) and options[0][1].tie is not None
     if not options or (detail == 0 and not met):
-        return _make_bare_party(pattern.from_, kinds[0], rng), _make_bare_party(
-            pattern.to, kinds[1], rng
-        )
+        bare = _make_bare_party(pattern.from_, kinds[0], rng)
+        return bare, _make_bare_party(pattern.to, kinds[1], rng)
     first, second = (
         replace(party, type=kind)
         for party, kind in zip(options[int(rng.integers(len(options)))], kinds, strict=True)
@@ -135,7 +135,13 @@ def _list_meetings(
     elif walking[0]:
         yield from _list_strikes(pattern.from_, pattern.to, intersection_map)
     else:
-        yield from _list_pairs(pattern, intersection_map)
+        for one, other in product(
+            *(_list_movements(role, intersection_map) for role in (pattern.from_, pattern.to))
+        ):
+            right = _is_geometry_right(pattern, one, other)
+            if right and _meet(pattern, one, other, intersection_map):
+                driver = Party("vehicle", one.turn, side=one.entry)
+                yield driver, Party("vehicle", other.turn, side=other.entry)
 
 
 def _list_strikes(
@@ -152,20 +158,6 @@ def _list_strikes(
                 yield Party("pedestrian", "crossing", crosswalk=walk.leg), driver
         if "jaywalking" in walks.movements:
             yield Party("pedestrian", "jaywalking"), driver
-
-
-def _list_pairs(
-    pattern: Pattern, intersection_map: IntersectionMap
-) -> Iterator[tuple[Party, Party]]:
-    for one in _list_movements(pattern.from_, intersection_map):
-        for other in _list_movements(pattern.to, intersection_map):
-            if _is_geometry_right(pattern, one, other) and _meet(
-                pattern, one, other, intersection_map
-            ):
-                yield (
-                    Party("vehicle", one.turn, side=one.entry),
-                    Party("vehicle", other.turn, side=other.entry),
-                )
 
 
 def _list_movements(role: Role, intersection_map: IntersectionMap) -> list[VehicleMovement]:

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from scenewright.errors import InputError
 from scenewright.evals.understanding.cases import PairRelation
 from scenewright.evals.understanding.observation import ObservedScene
-from scenewright.scene.base import Model
+from scenewright.scene.base import Model, describe_misfit
 
 MOST_BYTES = 512_000_000
 _LONGEST = 200
@@ -61,7 +61,10 @@ def read_predictions(
         if not line.strip():
             continue
         where = f"{file}, line {number}"
-        row = _parse_row(line, where)
+        try:
+            row = PredictionRow.model_validate_json(line)
+        except ValidationError as error:
+            raise InputError(f"{where}: {describe_misfit(error, 'row')[:_LONGEST]}") from error
         key = (row.scene, row.window)
         if key not in observations:
             known = any(scene == row.scene for scene, _ in observations)
@@ -74,17 +77,6 @@ def read_predictions(
         raise InputError(f"{file} holds no predictions")
     _check_complete(file, found, observations)
     return found
-
-
-def _parse_row(line: bytes, where: str) -> PredictionRow:
-    try:
-        return PredictionRow.model_validate(json.loads(line.decode("utf-8")))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{where}: not a JSON object: {str(error)[:_LONGEST]}") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"]) or "row"
-        raise InputError(f"{where}: {place[:_LONGEST]}: {first['msg']}") from error
 
 
 def _check_row(
