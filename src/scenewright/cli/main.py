@@ -8,6 +8,7 @@ good, 70 a fault in scenewright itself, 130 interrupted.
 from __future__ import annotations
 
 import gc
+import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -161,7 +162,6 @@ def plan(
         plan_all,
         read_rows,
         sum_costs,
-        write_rows,
         write_text,
     )
     from scenewright.intersections import load_map
@@ -180,7 +180,7 @@ def plan(
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
     planned = plan_all(read_rows(rows), backend, calls, intersection_map=intersection_map)
-    write_rows(out, planned)
+    write_text(out, "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in planned))
     refused = sum(row["refused"] for row in planned)
     paid = sum_costs(calls)
     cost = "".join(f", {count} {name.replace('_', ' ')}" for name, count in paid.items())

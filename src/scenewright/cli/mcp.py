@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from scenewright.cli.sessions import list_versions, open_session
 from scenewright.cli.views import ViewKind, render_view
-from scenewright.errors import InputError, Unsatisfiable
+from scenewright.errors import InputError, Unsatisfiable, describe_misfit
 from scenewright.extras import require_extra
 from scenewright.nodes.toolbox import ToolState
-from scenewright.scene.base import describe_misfit
 from scenewright.time_limit import TimeLimitReachedError, limit_time
 
 if TYPE_CHECKING:

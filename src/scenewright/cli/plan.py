@@ -23,7 +23,7 @@ from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
 
 if TYPE_CHECKING:
-    from scenewright.scene.plan_file import LogicalPlan
+    pass
 
 Account = Callable[[Call], None]
 ATTEMPTS = 3
@@ -71,9 +71,25 @@ def plan_rows(
     Raises:
         BackendFault: the backend failed for good.
     """
-    for row, plan in zip(
-        rows, _plan_in_batches(rows, backend, intersection_map, account), strict=True
-    ):
+    from scenewright.backends import get_backend_of_task
+
+    def plan_one(row: Any) -> Plan:
+        """A bug that one text brings out must not cost all the other rows."""
+        if fault := _find_fault(row):
+            return build_refusal(fault)
+        try:
+            return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
+        except BackendFault:
+            raise
+        except Exception as error:
+            if os.environ.get("SCENEWRIGHT_TRACEBACK"):
+                raise
+            reason = to_cli_error(error).reason
+            log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
+            return build_refusal(reason)
+
+    many = int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1))
+    for row, plan in zip(rows, _map_in_threads(plan_one, rows, many), strict=True):
         stop_if_asked()
         name = row.get("id") if isinstance(row, dict) else None
         # the id that a row came with, right or wrong, as far as one can be read from it
@@ -104,11 +120,8 @@ def plan(
     if isinstance(backend, str | Sequence | Mapping):
         backend = load_backend(backend)
     intersection_map = None if intersection is None else load_map(intersection)
-    (row,) = plan_rows(
-        [{"id": "", "text": text, "previous": previous}],
-        backend,
-        intersection_map=intersection_map,
-    )
+    rows = [{"id": "", "text": text, "previous": previous}]
+    (row,) = plan_rows(rows, backend, intersection_map=intersection_map)
     del row["id"]
     return row
 
@@ -125,10 +138,9 @@ def plan_all(
     Raises:
         BackendFault: the backend failed for good.
     """
+    account = calls.append
     try:
-        return list(
-            plan_rows(rows, backend, intersection_map=intersection_map, account=calls.append)
-        )
+        return list(plan_rows(rows, backend, intersection_map=intersection_map, account=account))
     except BackendFault as fault:
         from scenewright.graph.run import sum_costs_by_task
 
@@ -136,18 +148,13 @@ def plan_all(
         raise
 
 
-def _plan_in_batches(
-    rows: list[Any], backend: Backend, intersection_map: IntersectionMap | None, account: Account
-) -> Iterator[Plan]:
-    """The plans in order; several at a time for a backend that has to be awaited.
+def _map_in_threads(task: Callable[[Any], Plan], rows: list[Any], many: int) -> Iterator[Plan]:
+    """The results in order; several at a time for a backend that has to be awaited.
 
     The threads do not outlive an interruption, as those of an executor would.
     """
-    from scenewright.backends import get_backend_of_task
-
-    many = min(int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1)), len(rows))
-    if many <= 1:
-        yield from (_plan_one(row, backend, intersection_map, account) for row in rows)
+    if min(many, len(rows)) <= 1:
+        yield from map(task, rows)
         return
     replies: list[Future[Plan]] = [Future() for _ in rows]
     left = iter(list(zip(rows, replies, strict=True)))
@@ -160,31 +167,13 @@ def _plan_in_batches(
             if reply is None:
                 return
             try:
-                reply.set_result(_plan_one(row, backend, intersection_map, account))
+                reply.set_result(task(row))
             except BaseException as error:
                 reply.set_exception(error)
 
-    for _ in range(many):
+    for _ in range(min(many, len(rows))):
         threading.Thread(target=work, daemon=True).start()
     yield from (reply.result() for reply in replies)
-
-
-def _plan_one(
-    row: Any, backend: Backend, intersection_map: IntersectionMap | None, account: Account
-) -> Plan:
-    """The row's plan. A bug that one text brings out must not cost all the other rows."""
-    if fault := _find_fault(row):
-        return build_refusal(fault)
-    try:
-        return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
-    except BackendFault:
-        raise
-    except Exception as error:
-        if os.environ.get("SCENEWRIGHT_TRACEBACK"):
-            raise
-        reason = to_cli_error(error).reason
-        log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
-        return build_refusal(reason)
 
 
 def sum_costs(calls: list[Call]) -> dict[str, int]:
@@ -306,15 +295,6 @@ _POINTS = 16
 """Points tried of what a plan leaves open, before it counts as impossible."""
 
 
-def _draw_points(logical: LogicalPlan, place: str) -> Iterator[Mapping[Any, Any]]:
-    """Values of points of what a plan leaves open; drawn once the first of them is asked for."""
-    from scenewright.dataset.batch.sweep import build_points
-
-    here = replace(logical, places=(place,))
-    drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
-    yield from (each.values for each in drawn)
-
-
 def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     """What a plan file says, with the middle of what it leaves open, or another point of it that
     is possible.
@@ -322,7 +302,7 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     Raises:
         InputError: it is no plan, or the place has no way for an agent; names line and field.
     """
-    from scenewright.dataset.batch.sweep import load_places
+    from scenewright.dataset.batch.sweep import build_points, load_places
     from scenewright.graph.run import DEFAULT_INTERSECTION, check_plan
     from scenewright.scene.phrasing import describe_graph
     from scenewright.scene.plan_file import format_path, read_logical_plan
@@ -333,7 +313,13 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
     placed = logical.place_at(places[place])
     middle = {at: spread.compute_value(0.5) for at, spread in placed.spreads.items()}
     faults: list[InputError] = []
-    for values in chain([middle], _draw_points(logical, place) if middle else ()):
+
+    def draw() -> Iterator[Mapping[Any, Any]]:  # once the middle is not possible
+        here = replace(logical, places=(place,))
+        drawn = build_points(here, _POINTS, sampling="sobol", seed=0, place=place)
+        yield from (each.values for each in drawn)
+
+    for values in chain([middle], draw() if middle else ()):
         try:
             if (broken := placed.find_broken(values)) is not None:
                 raise broken
@@ -346,21 +332,8 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         raise faults[0]
     open_ = [format_path(at) for at in placed.spreads]
     left = f" Left open: {', '.join(open_)}." if open_ else ""
-    return {
-        "file": path,
-        "summary": describe_graph(given.plan) + left,
-        "as_read": given.as_read,
-        "open": open_,
-    }
-
-
-def write_rows(path: str, rows: list[dict[str, Any]]) -> None:
-    """The rows as lines of JSON, the file whole or not at all; `-` is stdout.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    write_text(path, "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows))
+    summary = describe_graph(given.plan) + left
+    return {"file": path, "summary": summary, "as_read": given.as_read, "open": open_}
 
 
 def write_text(path: str, text: str) -> None:

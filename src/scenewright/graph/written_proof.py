@@ -9,8 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenewright.errors import InputError
-from scenewright.scene.base import describe_misfit
+from scenewright.errors import InputError, describe_misfit
 from scenewright.scene.digest import digest_json
 from scenewright.scene.events import Finding, Proof
 

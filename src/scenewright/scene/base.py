@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 FloatArray = NDArray[np.float64]
 
@@ -41,13 +41,6 @@ class Model(BaseModel):
     """A frozen value that a language model, a file or a checkpoint may have written."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, defer_build=True)
-
-
-def describe_misfit(error: ValidationError, whole: str = "") -> str:
-    """The first fault that pydantic found: the field, or what `whole` is called, and what it is."""
-    first = error.errors(include_url=False)[0]
-    place = ".".join(map(str, first["loc"])) or whole
-    return f"{place}: {first['msg']}" if place else first["msg"]
 
 
 class FieldError(ValueError):

@@ -14,8 +14,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
-from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
-from scenewright.scene.base import Model, describe_misfit
+from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable, describe_misfit
+from scenewright.scene.base import Model
 
 MOST_BODY = 100_000
 """Bytes of a request in JSON; words are far shorter."""

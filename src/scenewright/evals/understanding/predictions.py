@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 from pydantic import Field, ValidationError
 
-from scenewright.errors import InputError
+from scenewright.errors import InputError, describe_misfit
 from scenewright.evals.understanding.cases import PairRelation
 from scenewright.evals.understanding.observation import ObservedScene
-from scenewright.scene.base import Model, describe_misfit
+from scenewright.scene.base import Model
 
 MOST_BYTES = 512_000_000
 _LONGEST = 200
