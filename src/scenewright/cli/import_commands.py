@@ -46,7 +46,7 @@ def show_junctions(
     as_json: Json = False,
 ) -> None:
     """List the junctions of a map file, to choose one for `import`."""
-    from scenewright.cli.map_junctions import describe, draw_list, format_rows, list_rows
+    from scenewright.cli.intersections import describe, draw_list, format_rows, list_rows
 
     found, roads = list_rows(file, street or ())
     if png is not None:

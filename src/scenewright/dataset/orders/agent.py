@@ -35,9 +35,7 @@ from scenewright.dataset.orders.order_log import Book, OrderEntry
 from scenewright.dataset.orders.order_spec import OrderSpec
 from scenewright.dataset.orders.wording import (
     Slot,
-    Wording,
     WordingTask,
-    choose_planner,
     make_rng,
     word_by_templates,
     word_slot,
@@ -140,7 +138,7 @@ def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
             limit=order.row_timeout, log=context.log,
         )  # fmt: skip
         for slot in due:
-            name = _name_row(slot)
+            name = slot.row
             done = context.batch.journal.get_entry(context.book.number[name])
             if done is not None and done.code == "backend_failed":
                 slots[slot.number] = replace(slot, waiting=True)
@@ -152,8 +150,8 @@ def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
 def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
     """Words each slot that has no instruction of this attempt yet, and enters it in the book."""
     new = [slot for slot in due if not context.book.find(slot.number, slot.attempts)]
-    for slot, wording in zip(new, _word_slots(new, context), strict=True):
-        context.book.add(_build_entry(slot, wording, context))
+    for entry in _word_slots(new, context):
+        context.book.add(entry)
 
 
 def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterator[Slot]:
@@ -188,7 +186,7 @@ def _choose_id_prefixes(wish: OrderSpec) -> dict[str, str]:
     }
 
 
-def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wording]:
+def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[OrderEntry]:
     """Word slots in their order; templates on all workers, as each text is read back."""
     tasks = []
     for slot in slots:
@@ -201,30 +199,14 @@ def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wordin
             yield word_slot(task, context.writers[task.slot.intersection], context.book.texts)
             clock.log_end("made", now=True)
         return
-    done: dict[int, Wording] = {}
+    done: dict[int, OrderEntry] = {}
     waiting = deque(task.slot.number for task in tasks)
     for task, result in spread(tasks, word_by_templates, workers=context.order.workers):
-        worded = result if isinstance(result, Wording) else word_by_templates(task)
+        worded = result if isinstance(result, OrderEntry) else word_by_templates(task)
         done[task.slot.number] = worded
         clock.log_end("made", now=True)
         while waiting and waiting[0] in done:
             yield done.pop(waiting.popleft())
-
-
-def _name_row(slot: Slot) -> str:
-    return slot.name if slot.attempts == 1 else f"{slot.name}-try{slot.attempts}"
-
-
-def _build_entry(slot: Slot, wording: Wording, context: OrderContext) -> OrderEntry:
-    background = context.order.wish.context.background
-    return OrderEntry(
-        id=_name_row(slot), slot=slot.number, attempt=slot.attempts, event=slot.quota.event,
-        leaf=wording.leaf, voice=wording.written.voice, text=wording.written.text,
-        seed=wording.seed,
-        backend=list(choose_planner(slot, context.order.options)),
-        background=None if background is None else background.model_dump(exclude_none=True),
-        intersection=slot.intersection,
-    )  # fmt: skip
 
 
 def build_jobs(

@@ -18,40 +18,15 @@ MOST = 100_000
 EXAMPLE = '"40 collisions and 50 yields at rush hour"'
 
 
-_UNITS = [
-    "zero",
-    "one",
-    "two",
-    "three",
-    "four",
-    "five",
-    "six",
-    "seven",
-    "eight",
-    "nine",
-    "ten",
-    "eleven",
-    "twelve",
-    "thirteen",
-    "fourteen",
-    "fifteen",
-    "sixteen",
-    "seventeen",
-    "eighteen",
-    "nineteen",
-]
-_TENS = [
-    "zero",
-    "ten",
-    "twenty",
-    "thirty",
-    "forty",
-    "fifty",
-    "sixty",
-    "seventy",
-    "eighty",
-    "ninety",
-]
+def _list(words: str) -> list[str]:
+    return words.split()
+
+
+_UNITS = _list(
+    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen "
+    "sixteen seventeen eighteen nineteen"
+)
+_TENS = _list("zero ten twenty thirty forty fifty sixty seventy eighty ninety")
 _LARGE = {"hundred": 100, "thousand": 1000, "dozen": 12, "score": 20}
 _NUMBER_WORDS = {
     **{word: value for value, word in enumerate(_UNITS)},
@@ -60,12 +35,12 @@ _NUMBER_WORDS = {
 }  # fmt: skip
 _KINDS: Mapping[str, frozenset[str]] = {
     "collide_at": frozenset(
-        ["collision", "crash", "accident", "strike", "impact", "collide", "hit", "wreck", "tbone"]
+        _list("collision crash accident strike impact collide hit wreck tbone")
     ),
     "near_miss": frozenset(["near_miss", "miss", "call", "near"]),
-    "yield_to": frozenset(["yield", "yielding", "giveway", "give", "way"]),
-    "follow": frozenset(["follow", "following", "platoon"]),
-    NORMAL: frozenset(["normal", "ordinary", "uneventful", "quiet", "plain", "regular", "routine"]),
+    "yield_to": frozenset(_list("yield yielding giveway give way")),
+    "follow": frozenset(_list("follow following platoon")),
+    NORMAL: frozenset(_list("normal ordinary uneventful quiet plain regular routine")),
 }
 """Words that name a relation."""
 _MEANS: Mapping[str, tuple[str, ...]] = {
@@ -83,75 +58,17 @@ _RIDERS: Mapping[str, AgentClass] = {
 }  # fmt: skip
 """Words that name a class of riders; the relations know riders alone."""
 _EMPTY = frozenset(
-    [
-        "scene",
-        "scenes",
-        "event",
-        "events",
-        "of",
-        "the",
-        "a",
-        "an",
-        "with",
-        "case",
-        "cases",
-        "example",
-        "examples",
-        "call",
-        "calls",
-        "close",
-        "different",
-        "varied",
-        "various",
-        "diverse",
-        "some",
-        "more",
-        "kind",
-        "kinds",
-        "type",
-        "types",
-        "each",
-        "every",
-        "pattern",
-        "patterns",
-        "leaf",
-        "leaves",
-        "conflict",
-        "conflicts",
-        "traffic",
-        "safety",
-        "critical",
-        "situation",
-        "all",
-        "any",
-    ]
+    _list(
+        "scene scenes event events of the a an with case cases example examples call calls close "
+        "different varied various diverse some more kind kinds type types each every pattern "
+        "patterns leaf leaves conflict conflicts traffic safety critical situation all any"
+    )
 )
 _STOPS = frozenset(
-    [
-        "at",
-        "in",
-        "on",
-        "during",
-        "around",
-        "about",
-        "between",
-        "before",
-        "after",
-        "by",
-        "from",
-        "for",
-        "over",
-        "under",
-        "near",
-        "as",
-        "please",
-        "where",
-        "when",
-        "while",
-        "which",
-        "that",
-        "who",
-    ]
+    _list(
+        "at in on during around about between before after by from for over under near as please "
+        "where when while which that who"
+    )
 )
 _WINDOWS: Mapping[str, tuple[tuple[int, int], ...]] = {
     "morning rush": ((390, 600),), "evening rush": ((930, 1170),), "afternoon rush": ((930, 1170),),

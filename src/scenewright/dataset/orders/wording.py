@@ -11,6 +11,7 @@ import numpy as np
 
 from scenewright.dataset.batch.answering import BUILTIN, Names
 from scenewright.dataset.batch.worker import Options
+from scenewright.dataset.orders.order_log import OrderEntry
 from scenewright.dataset.orders.order_spec import OrderSpec, Quota
 from scenewright.dataset.orders.scenario_spec import (
     Party,
@@ -62,6 +63,11 @@ class Slot:
         """Whether another instruction may fill it."""
         return self.filled is None and not self.waiting
 
+    @property
+    def row(self) -> str:
+        """The id of the row of its last attempt."""
+        return self.name if self.attempts == 1 else f"{self.name}-try{self.attempts}"
+
 
 @dataclass(frozen=True)
 class WordingTask:
@@ -77,16 +83,7 @@ class WordingTask:
     earlier: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Wording:
-    """A text for a slot, and the seed of its scene."""
-
-    leaf: str | None
-    written: WrittenText
-    seed: int
-
-
-def word_by_templates(task: WordingTask) -> Wording:
+def word_by_templates(task: WordingTask) -> OrderEntry:
     """Word a slot by the builtin templates; as a worker does, for which a place is loaded once."""
     writer = _load_templates(task.slot.intersection, task.options.lawful)
     return word_slot(task, writer, ())
@@ -97,7 +94,7 @@ def _load_templates(intersection: str, lawful: bool) -> BuiltinWriter:
     return BuiltinWriter(load_map(intersection), lawful=lawful)
 
 
-def word_slot(task: WordingTask, writer: Writer, taken: Collection[str]) -> Wording:
+def word_slot(task: WordingTask, writer: Writer, taken: Collection[str]) -> OrderEntry:
     """Word a slot; a story that the place has no room for is thought up anew.
 
     Args:
@@ -115,7 +112,13 @@ def word_slot(task: WordingTask, writer: Writer, taken: Collection[str]) -> Word
     else:  # written as it is: the pipeline will report what is wrong with it
         voice = list_voices(story)[0]
         written = WrittenText(render_text(story, voice, rng), voice, STORIES)
-    return Wording(story.leaf, written, int(rng.integers(2**31)))
+    background = task.wish.context.background
+    return OrderEntry(
+        id=slot.row, slot=slot.number, attempt=slot.attempts, event=slot.quota.event,
+        leaf=story.leaf, voice=written.voice, text=written.text, seed=int(rng.integers(2**31)),
+        backend=list(choose_planner(slot, options)), intersection=slot.intersection,
+        background=None if background is None else background.model_dump(exclude_none=True),
+    )  # fmt: skip
 
 
 def choose_planner(slot: Slot, options: Options) -> Names:
