@@ -25,11 +25,11 @@ from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.worker import Options, Outcome
 from scenewright.dataset.orders import agent, writers
 from scenewright.dataset.orders.agent import Order, build_slots
-from scenewright.dataset.orders.order_log import BOOK, Book
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import build_paper_order, fill
 from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
 from scenewright.dataset.orders.templates import VOICES, list_voices, render_text
+from scenewright.dataset.orders.wording import BOOK, Book
 from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, TextReader
 from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import BackendFault, InputError

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.arrays import read_arrays
-from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.cli.learned_walks import learn_walks
+from scenewright.cli.options import FitOptions, ImportOptions
 from scenewright.cli.refiners import GOES_ON, adapt_refiner, train_to_files
 from scenewright.cli.views import render
 from scenewright.errors import InputError

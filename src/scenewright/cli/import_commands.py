@@ -13,8 +13,16 @@ from scenewright.cli.console import (
     write_result,
     write_stdout,
 )
-from scenewright.cli.intersection_options import FitOptions, ImportOptions, TrainOptions
-from scenewright.cli.options import Commands, Json, Quiet, argument, option
+from scenewright.cli.options import (
+    Commands,
+    FitOptions,
+    ImportOptions,
+    Json,
+    Quiet,
+    TrainOptions,
+    argument,
+    option,
+)
 from scenewright.cli.output_folder import try_file
 from scenewright.errors import InputError
 from scenewright.files import write_atomically

@@ -14,7 +14,7 @@ from scenewright.tools.track_io.recording import Split
 from scenewright.tools.track_io.track_files import FileTracks
 
 if TYPE_CHECKING:
-    from scenewright.cli.intersection_options import TrainOptions
+    from scenewright.cli.options import TrainOptions
     from scenewright.tools.track_io import Recording
     from scenewright.tools.track_io.recording import Split
 

@@ -56,8 +56,7 @@ def score_understanding(
         load_cases,
         observe_cases,
     )
-    from scenewright.evals.understanding.predictions import format_jsonl, format_predictions
-    from scenewright.evals.understanding.scoring import DEFINITION
+    from scenewright.evals.understanding.scoring import DEFINITION, format_jsonl, format_predictions
     from scenewright.files import write_atomically
 
     if not method and write_observations is None:
@@ -118,7 +117,7 @@ def read_windows(text: str | None) -> tuple[float, ...]:
     Raises:
         InputError: not numbers from 0.1 to 20.
     """
-    from scenewright.evals.understanding.observation import WINDOWS
+    from scenewright.evals.understanding.cases import WINDOWS
 
     if text is None:
         return WINDOWS

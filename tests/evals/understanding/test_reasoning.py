@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from scenewright.evals.understanding.calibration import load_calibration
-from scenewright.evals.understanding.cases import PairRelation, SceneCase
+from scenewright.evals.understanding.cases import (
+    ObservedAgent,
+    ObservedScene,
+    PairRelation,
+    SceneCase,
+    observe,
+)
 from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, forecast_scene
 from scenewright.evals.understanding.intent import find_nearest_mean, infer_routes
 from scenewright.evals.understanding.interaction_graph import compute_time_gaps
-from scenewright.evals.understanding.observation import (
-    ObservedAgent,
-    ObservedScene,
-    observe,
-)
 from scenewright.evals.understanding.pair_features import NAMES, mirror_features
 from scenewright.evals.understanding.pipeline import (
     check_predicted_tracks,

@@ -90,7 +90,7 @@ class OwnMaps:
             InputError: the file, the junction or an option cannot be used.
         """
         from scenewright.cli.custom_intersections import import_file, import_text
-        from scenewright.cli.intersection_options import ImportOptions
+        from scenewright.cli.options import ImportOptions
 
         path = self._folder / name_of_file
         if not re.fullmatch(r"[0-9a-f]{16}\.[a-z.]+", name_of_file) or not path.is_file():

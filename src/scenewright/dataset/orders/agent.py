@@ -31,9 +31,10 @@ from scenewright.dataset.batch.carry_out import (
 from scenewright.dataset.batch.pool import spread
 from scenewright.dataset.batch.run import ROW_TIMEOUT
 from scenewright.dataset.batch.worker import Job, Options
-from scenewright.dataset.orders.order_log import Book, OrderEntry
 from scenewright.dataset.orders.order_spec import OrderSpec
 from scenewright.dataset.orders.wording import (
+    Book,
+    OrderEntry,
     Slot,
     WordingTask,
     make_rng,

@@ -29,10 +29,9 @@ from scenewright.dataset.batch.run import (
 )
 from scenewright.dataset.batch.worker import format_json_line
 from scenewright.dataset.orders.agent import Order, OrderContext, build_jobs, fill_slots
-from scenewright.dataset.orders.order_log import BOOK, Book
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
-from scenewright.dataset.orders.wording import Slot
+from scenewright.dataset.orders.wording import BOOK, Book, Slot
 from scenewright.dataset.orders.writers import load_writer
 from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError

@@ -20,7 +20,7 @@ from tenacity import Retrying, retry_if_exception, stop_after_attempt, wait_rand
 from scenewright.backends import Backend
 from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.evals.understanding.calibration import predict_relations
-from scenewright.evals.understanding.cases import RELATIONS, PairRelation, SceneCase
+from scenewright.evals.understanding.cases import RELATIONS, ObservedScene, PairRelation, SceneCase
 from scenewright.evals.understanding.exit_model import weigh_all_exits
 from scenewright.evals.understanding.forecast import forecast_scene
 from scenewright.evals.understanding.intent import (
@@ -32,9 +32,8 @@ from scenewright.evals.understanding.language_model import (
     ask_about_scene,
     describe_scene,
 )
-from scenewright.evals.understanding.observation import ObservedScene
-from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.evals.understanding.route_components import list_sides
+from scenewright.evals.understanding.scoring import ScenePrediction
 from scenewright.geometry.polyline import interpolate_points
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.scene.base import FloatArray
