@@ -17,7 +17,7 @@ import numpy as np
 
 from lab.yielding.stops import find_standstills, find_stop_of_yield
 from scenewright.errors import InputError
-from scenewright.evals.tables.nearness import SceneTracks, cut_scenes
+from scenewright.evals.realism.scenes import SceneTracks, cut_scenes
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass

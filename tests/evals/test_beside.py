@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.evals.tables.diversity import (
     CorpusWindows,
     compare_speeds,
     match_windows,
     shorten_scene,
 )
-from scenewright.evals.tables.nearness import ObservedTracks, SceneTracks, observe_scenes
+from scenewright.evals.tables.nearness import ObservedTracks, observe_scenes
 from scenewright.scene.track import Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser
 

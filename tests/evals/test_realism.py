@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from scenewright.evals.tables.nearness import (
+from scenewright.evals.realism.scenes import (
     ClusterSample,
     compute_distance,
     compute_wasserstein,

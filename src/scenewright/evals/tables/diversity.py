@@ -28,8 +28,9 @@ import numpy as np
 from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import compute_interval
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.evals.tables.likelihood import find_nearest_on
-from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks, SceneTracks
+from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.geometry.polyline import compute_normals
 from scenewright.intersections import find_bundle_folder

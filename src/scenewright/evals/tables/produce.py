@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.errors import InputError
+from scenewright.evals.realism.scenes import SceneTracks, convert_scene, cut_scenes
 from scenewright.evals.tables.diversity import (
     CorpusWindows,
     Spread,
@@ -19,10 +20,7 @@ from scenewright.evals.tables.diversity import (
 from scenewright.evals.tables.likelihood import Fidelity, compute_fidelity
 from scenewright.evals.tables.nearness import (
     ReferenceDistance,
-    SceneTracks,
     compare_with_reference,
-    convert_scene,
-    cut_scenes,
     isolate_agents,
     measure_motion,
     measure_scenes,
