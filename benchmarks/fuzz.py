@@ -310,12 +310,11 @@ def write_export(rng: random.Random, folder: Path) -> None:
 @cache
 def open_tools() -> tuple[Any, tuple[str, ...]]:
     """The server of one MCP session with a scene in it, and its tools' names."""
-    from scenewright.backends import load_backend
-    from scenewright.cli.mcp import ServerOptions, build_server
+    from scenewright.cli.mcp import build_server
+    from scenewright.cli.options import SessionOptions
 
     file = str(Path(tempfile.mkdtemp(prefix="scenewright-fuzz-")) / "threads.sqlite")
-    backend = load_backend("builtin")
-    server = build_server(ServerOptions(file, "t", "amsterdam_120", backend, 0, None))
+    server = build_server(SessionOptions(threads=file), thread="t", out=None)
     asyncio.run(server.call_tool("make_scene", {"instruction": list_texts()[0]}))
     return server, tuple(sorted(tool.name for tool in asyncio.run(server.list_tools())))
 
@@ -344,21 +343,12 @@ def open_page() -> tuple[Any, str]:
     """A client of the page, and a conversation with one scene."""
     from starlette.testclient import TestClient
 
-    from scenewright.backends import load_backend
-    from scenewright.cli.page.batches import Batches
-    from scenewright.cli.page.conversations import Conversations
-    from scenewright.cli.page.model_choice import ModelChoice
-    from scenewright.cli.page.own_maps import OwnMaps
+    from scenewright.cli.options import SessionOptions
     from scenewright.cli.page.server import Page, build_app
 
     folder = Path(tempfile.mkdtemp(prefix="scenewright-fuzz-"))
-    conversations = Conversations(
-        str(folder / "threads.sqlite"), backend=load_backend("builtin"), seed=1
-    )
-    page = Page(
-        conversations, choice=ModelChoice(conversations, "builtin"), intersection="amsterdam_120",
-        batches=Batches(folder / "batches"), own_maps=OwnMaps(folder / "maps"),
-    )  # fmt: skip
+    options = SessionOptions(threads=str(folder / "threads.sqlite"), seed=1)
+    page = Page(options, options.model.load(), folder)
     app = build_app(page, token="t", hosts=frozenset({"127.0.0.1:1"}))
     client = TestClient(app, base_url="http://127.0.0.1:1", headers={"x-token": "t"})
     thread = client.post("/api/threads", json={"intersection": "amsterdam_120"}).json()["thread"]

@@ -102,8 +102,8 @@ def compare(name: str, work: Callable[[Any], str], jobs: Sequence[Any], threads:
 
 def call_tools(count: int, threads: int) -> int:
     """How many calls of tools of one `scenewright mcp` raised; prints a line."""
-    from scenewright.backends import load_backend
-    from scenewright.cli.mcp import ServerOptions, _ClientState
+    from scenewright.cli.mcp import _ClientState
+    from scenewright.cli.options import SessionOptions
 
     def call(n: int) -> str:
         if n % 2:
@@ -111,9 +111,8 @@ def call_tools(count: int, threads: int) -> int:
         return json.dumps(desk.verify_scene(), default=str) if n % 4 else digest_plan("Two cars")
 
     with tempfile.TemporaryDirectory() as folder:
-        threads_file = str(Path(folder) / "threads.sqlite")
-        backend = load_backend("builtin")
-        desk = _ClientState(ServerOptions(threads_file, "t", "amsterdam_120", backend, 0, None))
+        options = SessionOptions(threads=str(Path(folder) / "threads.sqlite"))
+        desk = _ClientState(options, thread="t", out=None)
         desk.make_scene("A car yields to a pedestrian at 8 am")
         found, wall, _ = run_in_threads(call, range(count), threads)
     raised = [each for each in found if each.startswith("raised")]

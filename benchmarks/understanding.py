@@ -42,7 +42,7 @@ from model_planning import ByFile, OpenError
 from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import ScenewrightError
 from scenewright.evals.understanding import cases as cases_module
-from scenewright.evals.understanding.cases import SceneCase, Split, assign_split
+from scenewright.evals.understanding.cases import SceneCase, Split, assign_split, observe
 from scenewright.evals.understanding.clips import cut_clips, read_source
 from scenewright.evals.understanding.evaluate import (
     MethodScores,
@@ -50,7 +50,6 @@ from scenewright.evals.understanding.evaluate import (
     format_report,
     load_cases,
 )
-from scenewright.evals.understanding.observation import observe
 from scenewright.evals.understanding.pipeline import find_method
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.files import write_atomically

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.understanding.tuning import FOLDS, flatten_trees, save_trees, view_all
-from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.cases import SceneCase, hash_scene, observe
 from scenewright.evals.understanding.evaluate import load_cases
 from scenewright.evals.understanding.exit_model import NAMES, ExitModel, describe_exits
 from scenewright.evals.understanding.intent import infer_routes
-from scenewright.evals.understanding.observation import hash_scene, observe
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray

@@ -37,21 +37,20 @@ from scenewright.evals.understanding.calibration import (
     select_relations,
     to_relation,
 )
-from scenewright.evals.understanding.cases import Labels, SceneCase
+from scenewright.evals.understanding.cases import Labels, SceneCase, hash_scene, observe
 from scenewright.evals.understanding.evaluate import load_cases
 from scenewright.evals.understanding.forecast import forecast_scene
 from scenewright.evals.understanding.intent import infer_routes
-from scenewright.evals.understanding.observation import hash_scene, observe
 from scenewright.evals.understanding.pair_features import (
     NAMES,
     compute_pair_features,
     mirror_features,
 )
-from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.evals.understanding.scoring import (
     DRAWS,
     KINDS,
     PAPER,
+    ScenePrediction,
     compute_f1,
     count_scene,
 )

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pydantic import ValidationError
+
     from scenewright.scene.rejection import Rejection
 
 
@@ -108,3 +110,10 @@ class Rejected(ScenewrightError):
         super().__init__(f"{rejection.stage}/{rejection.code}: {rejection.detail}")
         self.rejection = rejection
         self.kept: Mapping[str, Any] = kept or {}
+
+
+def describe_misfit(error: ValidationError, whole: str = "") -> str:
+    """The first fault that pydantic found: the field, or what `whole` is called, and what it is."""
+    first = error.errors(include_url=False)[0]
+    place = ".".join(map(str, first["loc"])) or whole
+    return f"{place}: {first['msg']}" if place else first["msg"]

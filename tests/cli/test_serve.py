@@ -24,11 +24,8 @@ from inline_jobs import run_jobs_inline
 from scenewright import verify
 from scenewright.backends import load_backend
 from scenewright.cli.main import main
+from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.answers import read_bytes
-from scenewright.cli.page.batches import Batches
-from scenewright.cli.page.conversations import Conversations
-from scenewright.cli.page.model_choice import ModelChoice
-from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.server import Page, build_app
 from scenewright.errors import InputError
 from scenewright.intersections import load_map
@@ -42,17 +39,12 @@ YIELD = "A car yields to a pedestrian at 5 am"
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     file = str(tmp_path_factory.mktemp("page") / "threads.sqlite")
-    conversations = Conversations(file, backend=load_backend("builtin"), seed=1)
-    folder = tmp_path_factory.mktemp("data")
-    batches = Batches(folder / "batches")
-    page = Page(
-        conversations, choice=ModelChoice(conversations, "builtin"), intersection="amsterdam_120",
-        batches=batches, own_maps=OwnMaps(folder / "maps"),
-    )  # fmt: skip
+    options = SessionOptions(threads=file, seed=1)
+    page = Page(options, load_backend("builtin"), tmp_path_factory.mktemp("data"))
     app = build_app(page, token=TOKEN, hosts=frozenset({HOST}))
     with TestClient(app, base_url=f"http://{HOST}", headers={"x-token": TOKEN}) as opened:
         yield opened
-    conversations.close()
+    page.close()
 
 
 def take_turn(client: TestClient, thread: str, action: str, argument: str = "") -> list[dict]:
@@ -214,8 +206,9 @@ def test_the_plan_of_words_is_changed_made_and_changed_in_words(client: TestClie
     ("body", "reason"),
     [({"plan": {"agents": [{"id": "tram-1"}]}}, "plan, agents[0].id: a name such as vehicle-1"),
      ({"plan": {"agents": [{"id": "vehicle-1", "entry": "northwest"}]}}, "northwest"),
-     ({"plan": 3}, "a plan is an object"), ({"words": "a pig flies"}, ""), ({"words": 3}, "text"),
-     ({"thread": "none"}, "no conversation"), ({}, "words must be text")],
+     ({"plan": 3}, "a plan is an object"), ({"words": "a pig flies"}, ""),
+     ({"words": 3}, "words: Input should be a valid string"),
+     ({"thread": "none"}, "no conversation"), ({}, "name words, a plan or a thread")],
     ids=range(7),
 )  # fmt: skip
 def test_a_plan_that_is_none_names_its_field(

@@ -13,7 +13,8 @@ from scenewright.authoring.session import Session
 from scenewright.authoring.thread_state import ThreadSetting
 from scenewright.authoring.versions import EditResult, Setting, begin
 from scenewright.backends import load_backend
-from scenewright.cli.mcp import ServerOptions, build_server
+from scenewright.cli.mcp import build_server
+from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.conversations import Conversations
 from scenewright.errors import BusyError
 from scenewright.memory.threads import Threads
@@ -39,9 +40,8 @@ def test_calls_of_a_client_that_does_not_wait_lose_no_version(tmp_path: Path) ->
     mcp = pytest.importorskip("mcp")
     import anyio
 
-    server = build_server(
-        ServerOptions(str(tmp_path / "t.sqlite"), "mcp", "amsterdam_120", BACKEND, 1, None)
-    )
+    options = SessionOptions(threads=str(tmp_path / "t.sqlite"), seed=1)
+    server = build_server(options, thread="mcp", out=None)
     replies: dict[str, dict[str, Any]] = {}
 
     async def session() -> None:
@@ -115,7 +115,7 @@ def test_another_process_waits_as_well(tmp_path: Path) -> None:
 
 
 def test_the_page_refuses_a_turn_while_another_is_worked_on(tmp_path: Path) -> None:
-    opened = Conversations(str(tmp_path / "t.sqlite"), backend=BACKEND, seed=1)
+    opened = Conversations(SessionOptions(threads=str(tmp_path / "t.sqlite"), seed=1), BACKEND)
     found = opened.create("amsterdam_120")
     with ThreadPoolExecutor(1) as pool, found.session.take_turn():
         second = pool.submit(found.act, "undo", "", lambda _stage, _line: None)

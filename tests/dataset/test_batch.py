@@ -24,7 +24,7 @@ from scenewright.cli.main import main
 from scenewright.dataset.batch import audit as audit_module
 from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch import worker as work_module
-from scenewright.dataset.batch.answering import Asking, _make_take_turns, _Turns
+from scenewright.dataset.batch.answering import Asking, _make_take_turns
 from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.manifest import write_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
@@ -554,7 +554,8 @@ def test_no_more_is_asked_at_a_time_than_was_allowed(tmp_path: Path) -> None:
 
     slow = Slow()
     # Each has turns of its own, as workers have: the folder is all that they share.
-    asking = [_make_take_turns(slow, _Turns(tmp_path, 2)) for _ in range(6)]
+    turns = [tmp_path / f"{k}.lock" for k in range(2)]
+    asking = [_make_take_turns(slow, turns) for _ in range(6)]
     with ThreadPoolExecutor(6) as threads:
         list(threads.map(lambda each: each.answer(Question("plan", {})), asking))
     assert slow.most == 2

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenewright.dataset.batch.carry_out import publish
 from scenewright.dataset.batch.journal import Journal, JournalEntry, lock_journal
-from scenewright.dataset.batch.publish import publish
 from scenewright.dataset.batch.rows import DatasetRow, choose_folder, choose_seed, read_source
 from scenewright.errors import InputError
 

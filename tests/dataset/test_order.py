@@ -24,13 +24,13 @@ from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch.audit import audit_dataset
 from scenewright.dataset.batch.worker import Options, Outcome
 from scenewright.dataset.orders import agent, writers
-from scenewright.dataset.orders.agent import build_slots
-from scenewright.dataset.orders.order_log import BOOK, Book
+from scenewright.dataset.orders.agent import Order, build_slots
 from scenewright.dataset.orders.order_spec import read_order
-from scenewright.dataset.orders.run import Order, build_paper_order, fill
+from scenewright.dataset.orders.run import build_paper_order, fill
 from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
 from scenewright.dataset.orders.templates import VOICES, list_voices, render_text
-from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, is_read_as
+from scenewright.dataset.orders.wording import BOOK, Book
+from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, TextReader
 from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import BackendFault, InputError
 from scenewright.intersections import load_map
@@ -132,28 +132,24 @@ def test_every_pattern_can_be_worded_in_many_voices() -> None:
 
 def test_nothing_is_worded_that_the_map_has_no_room_for() -> None:
     pattern = next(each for each in load_patterns() if each.id == "left_turn_opposite_collision")
-    rng, reader = np.random.default_rng(0), BuiltinWriter(ON)._reader
+    rng, reader = np.random.default_rng(0), TextReader(ON)
     one, other = list_parties(pattern, intersection_map=ON, detail=2, rng=rng)
     story = Story("collision", pattern.id, (one, other), None, None)
     text = f"A car turning left from the {one.side} collides with a car from the {other.side}"
-    assert is_read_as(reader, text, story, intersection_map=ON)
-    assert not is_read_as(
-        reader, text.replace("collides with", "follows"), story, intersection_map=ON
-    )
-    assert not is_read_as(reader, text + " in heavy traffic", story, intersection_map=ON)
+    assert reader.is_read_as(text, story)
+    assert not reader.is_read_as(text.replace("collides with", "follows"), story)
+    assert not reader.is_read_as(text + " in heavy traffic", story)
 
 
 def test_a_text_that_another_pattern_could_play_is_not_used() -> None:
     """Else patterns would not come out even: both turn, so one may as well follow the other."""
-    reader = BuiltinWriter(ON)._reader
+    reader = TextReader(ON)
     turning = Party("vehicle", "right"), Party("vehicle", "left")
     story = Story("collision", "turning_collision", turning, None, None)
-    assert not is_read_as(
-        reader, "A right-turning car hits a left-turning truck", story, intersection_map=ON
-    )
+    assert not reader.is_read_as("A right-turning car hits a left-turning truck", story)
     walking = Party("vehicle", "left"), Party("pedestrian", "crossing")
     story = Story("collision", "pedestrian_strike_left_turn", walking, None, None)
-    assert is_read_as(reader, "A left-turning car hits a pedestrian", story, intersection_map=ON)
+    assert reader.is_read_as("A left-turning car hits a pedestrian", story)
 
 
 def test_stories_are_worded_with_time_and_density_or_without() -> None:
@@ -448,7 +444,8 @@ def test_texts_worded_on_workers_are_those_of_one_process(
 ) -> None:
     """The book has the texts in the order of the slots, whichever worker is ready first."""
     wish = read_order("4 yields")
-    slots = tuple(build_slots(wish, seed=0, places=["amsterdam_120"]))
+    first = build_slots(wish, seed=0, places=["amsterdam_120"])
+    slots = [replace(slot, attempts=1) for slot in first]
     books: list[bytes] = []
     progress_lines: list[str] = []
 
@@ -460,12 +457,12 @@ def test_texts_worded_on_workers_are_those_of_one_process(
         monkeypatch.setattr(agent, "FEW", few)
         folder = tmp_path / str(few)
         folder.mkdir()
+        wanted = Order(text="4 yields", wish=wish, out=folder, options=OPTIONS, workers=2)
         context: Any = SimpleNamespace(
-            wish=wish, options=OPTIONS, book=Book(folder), workers=2,
-            writers={"amsterdam_120": BuiltinWriter(ON)},
+            order=wanted, book=Book(folder), writers={"amsterdam_120": BuiltinWriter(ON)},
             log=lambda progress: progress_lines.append(format_progress(progress)),
         )  # fmt: skip
-        agent.write(slots, context, most=9)
+        agent.write_instructions(slots, context)
         books.append((folder / BOOK).read_bytes())
 
     assert books[0] == books[1] != b""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenewright.evals.markdown import format_table
+from scenewright.dataset.tables.markdown import format_table
 
 
 def test_a_table_has_one_line_per_row_below_the_rule() -> None:

@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from scenewright.evals.realism.distances import (
+from scenewright.evals.realism.scenes import (
     ClusterSample,
     compute_distance,
     compute_wasserstein,
+    cut_scenes,
     resample_distances,
 )
-from scenewright.evals.realism.scenes import cut_scenes
 from scenewright.intersections import load_map
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording

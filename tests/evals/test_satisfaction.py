@@ -16,15 +16,16 @@ from scenewright.errors import InputError
 from scenewright.evals.leaderboard import enter_leaderboard
 from scenewright.evals.satisfaction import judge as judging
 from scenewright.evals.satisfaction.judge import (
+    SeenAgent,
     Submission,
     Verdict,
     count_verdicts,
     judge,
     read_submission,
+    see_agents,
     to_json,
     to_markdown,
 )
-from scenewright.evals.satisfaction.seen import SeenAgent, see_agents
 from scenewright.graph.run import Scene
 from scenewright.intersections import load_map
 from scenewright.scene.account import AccountEntry

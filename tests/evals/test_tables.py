@@ -12,8 +12,9 @@ import pytest
 from inline_jobs import run_jobs_inline
 from scenewright.cli.main import main
 from scenewright.dataset.batch.worker import Options
+from scenewright.dataset.orders.agent import Order
 from scenewright.dataset.orders.order_spec import read_order
-from scenewright.dataset.orders.run import Order, fill
+from scenewright.dataset.orders.run import fill
 from scenewright.evals.planning import PlanningShare
 from scenewright.evals.tables.diversity import compare_lateral_positions, load_held_out
 from scenewright.evals.tables.likelihood import (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from scenewright import synthesize
-from scenewright.cli.agent import make_paper_dataset, run_agent
+from scenewright.cli.agent import OrderOptions, PaperOptions
 from scenewright.cli.scene_summary import format_verdict
 from scenewright.dataset.batch.answering import PLAINLY
 from scenewright.dataset.batch.rows import DatasetRow, Named
@@ -159,8 +158,8 @@ def test_unlawful_samples_come_after_as_many_lawful_ones(
 
 
 def test_orders_and_datasets_are_lawful_unless_told_otherwise() -> None:
-    for command in (run_agent, make_paper_dataset):
-        assert inspect.signature(command).parameters["lawful"].default is True
+    assert OrderOptions().lawful
+    assert PaperOptions().lawful
     assert Options("amsterdam_120").list_settings().get("lawful") is None
     assert Options("amsterdam_120", lawful=True).list_settings()["lawful"] is True
 

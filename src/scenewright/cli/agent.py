@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenewright.cli.backend_options import LawfulOrder
 from scenewright.cli.batch import Out, RunOptions, show_batch_progress
-from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import (
     format_one_line,
     log_line,
     show_progress,
-    write_json,
+    write_result,
     write_stdout,
 )
 from scenewright.cli.dataset import dataset
+from scenewright.cli.options import UNASKED, Json, Quiet, argument, option
 from scenewright.cli.tables import Corpus, RealTracks, parse_path, write_tables
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 
 if TYPE_CHECKING:
-    from scenewright.dataset.orders.run import Order
+    from scenewright.dataset.orders.agent import Order
 
 _SHOWN = 8
 
@@ -32,43 +29,36 @@ _SHOWN = 8
 class OrderOptions(RunOptions):
     """How an order is filled."""
 
-    lawful: LawfulOrder = True
-    seed: Annotated[int, typer.Option(min=0, help="The same seed, the same dataset.")] = 0
-    writer: Annotated[
-        str, typer.Option(help="Writer of the instructions: builtin, or a backend with a model.")
-    ] = "builtin"
+    lawful: bool = option(True, UNASKED, "--lawful/--no-lawful")
+    seed: int = option(0, "The same seed, the same dataset.", min=0)
+    writer: str = option(
+        "builtin", "Writer of the instructions: builtin, or a backend with a model."
+    )
 
 
 @dataclass(frozen=True)
 class PaperOptions(OrderOptions):
     """The same for the paper's composition, which has a share for each backend."""
 
-    backend: Annotated[
-        list[str] | None,
-        typer.Option(help="Planner and reasoner; may be given again. builtin if not given."),
-    ] = None
+    backend: list[str] | None = option(
+        None, "Planner and reasoner; may be given again. builtin if not given."
+    )
 
 
-@spread_options
 def run_agent(
     *,
-    order: Annotated[str, typer.Argument(help="How many scenes of which kinds.")],
+    order: str = argument(..., "How many scenes of which kinds."),
     out: Out,
     options: OrderOptions,
-    intersections: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B,...",
-            help="Several places in turn; the later half is held out as the test split.",
-        ),
-    ] = None,
-    budget: Annotated[
-        int | None,
-        typer.Option(min=1, help="Instructions at most; twice the scenes and 20 if not said."),
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what was understood, write nothing.")
-    ] = False,
+    intersections: str | None = option(
+        None,
+        "Several places in turn; the later half is held out as the test split.",
+        metavar="A,B,...",
+    ),
+    budget: int | None = option(
+        None, "Instructions at most; twice the scenes and 20 if not said.", min=1
+    ),
+    dry_run: bool = option(False, "Say what was understood, write nothing."),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -78,18 +68,16 @@ def run_agent(
     has the scenes made, and words anew or replaces what is refused, within the budget. Killed, the
     same command goes on. Exit code 3 if the order could not be filled; what there is stays.
     """
+    from scenewright.dataset.orders.agent import Order
     from scenewright.dataset.orders.order_spec import read_order
-    from scenewright.dataset.orders.run import Order
 
     wish = read_order(order)
     places = tuple(dict.fromkeys(filter(None, map(str.strip, (intersections or "").split(",")))))
     if intersections is not None and len(places) < 2:
         raise InputError("--intersections names two or more, as in a,b,c; one is --intersection")
     if dry_run:
-        if as_json:
-            write_json({"ok": True, "dry_run": True, "understood": wish.lines()})
-        else:
-            write_stdout("".join(f"{line}\n" for line in wish.lines()))
+        facts = {"dry_run": True, "understood": wish.lines()}
+        write_result(facts, "".join(f"{line}\n" for line in wish.lines()), as_json=as_json)
         return
     wanted = Order(
         text=order,
@@ -105,17 +93,12 @@ def run_agent(
 
 
 @dataset.command("paper")
-@spread_options
 def make_paper_dataset(
     *,
     out: Out,
     options: PaperOptions,
-    scale: Annotated[
-        float, typer.Option(min=0.01, max=100.0, help="Of all counts, for a small one to try.")
-    ] = 1.0,
-    tables: Annotated[
-        bool, typer.Option("--tables", help="Then measure Tables 1 to 5, as `evals tables` does.")
-    ] = False,
+    scale: float = option(1.0, "Of all counts, for a small one to try.", min=0.01, max=100.0),
+    tables: bool = option(False, "Then measure Tables 1 to 5, as `evals tables` does."),
     corpus: Corpus = None,
     taf_bw: RealTracks = None,
     quiet: Quiet = False,
@@ -127,7 +110,8 @@ def make_paper_dataset(
     foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
     goes on. With --tables the paper's tables are measured on it in the same run.
     """
-    from scenewright.dataset.orders.run import Order, build_paper_order
+    from scenewright.dataset.orders.agent import Order
+    from scenewright.dataset.orders.run import build_paper_order
 
     if not tables and (corpus or taf_bw):
         raise InputError("--corpus and --taf-bw are for the tables: say --tables as well")
@@ -145,15 +129,11 @@ def make_paper_dataset(
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
     if tables:
         with show_progress(quiet=quiet) as log:
-            page, _, target = write_tables(
-                wanted.out,
-                corpus=recorded,
-                real=real,
-                log=lambda line: log("measuring", line),
+            page, _, _ = write_tables(
+                wanted.out, corpus=recorded, real=real, log=lambda line: log("measuring", line)
             )
         if not as_json:
             write_stdout(page)
-        log_line(f"written: {target}/tables.md, tables.json")
 
 
 def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None:
@@ -184,10 +164,7 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
             f"{missing} of {order.wish.count} scenes could not be made within "
             f"{report['instructions']} instructions; {out} holds the others, report.json says why"
         )
-    if as_json:
-        write_json({"ok": True, "out": out, **report})
-    else:
-        write_stdout(f"{out}\n")
+    write_result({"out": out, **report}, f"{out}\n", as_json=as_json)
 
 
 def _log_report(report: dict[str, Any], *, writer: str) -> None:

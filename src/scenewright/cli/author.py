@@ -3,19 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenewright.cli.backend_options import BaseUrl, TimeLimit, Timeout
-from scenewright.cli.common_options import Json, Quiet
-from scenewright.cli.console import (
-    format_one_line,
-    log_line,
-    show_progress,
-    write_json,
-    write_stdout,
-)
+from scenewright.cli.console import format_one_line, log_line, show_progress, write_result
+from scenewright.cli.options import BaseUrl, Json, Quiet, TimeLimit, Timeout, argument, option
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
@@ -25,21 +16,19 @@ _SECONDS, _MOST_TOKENS = 120.0, 4096
 
 
 def author(
-    text: Annotated[str, typer.Argument(help="What shall happen; `-` reads it from stdin.")],
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Model that calls the tools, such as openai:MODEL; else a fixed router.",
-        ),
-    ] = None,
+    text: str = argument(..., "What shall happen; `-` reads it from stdin."),
+    model: str | None = option(
+        None,
+        "Model that calls the tools, such as openai:MODEL; else a fixed router.",
+        metavar="NAME",
+    ),
     base_url: BaseUrl = None,
     timeout: Timeout = None,
     time_limit: TimeLimit = DEFAULT_LIMIT,
-    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
-    seed: Annotated[int, typer.Option(min=0, help="Of everything drawn.")] = 0,
-    most_calls: Annotated[int, typer.Option(min=1, max=200, help="Most calls of tools.")] = 24,
-    out: Annotated[str | None, typer.Option(help="Folder to write; scenes/ID if none.")] = None,
+    intersection: str = option("amsterdam_120", "Where it happens."),
+    seed: int = option(0, "Of everything drawn.", min=0),
+    most_calls: int = option(24, "Most calls of tools.", min=1, max=200),
+    out: str | None = option(None, "Folder to write; scenes/ID if none."),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -79,12 +68,9 @@ def author(
         for name, fine in made.calls:
             log_line(f"  {format_one_line(name, limit=40)}{'' if fine else ': refused'}")
         log_line(format_verdict(made.proof))
-    if as_json:
-        calls = [{"tool": name, "ok": fine} for name, fine in made.calls]
-        write_json({"ok": True, "folder": str(target), "files": files, "calls": calls,
-                    **made.proof.build_verdict()})  # fmt: skip
-    else:
-        write_stdout(f"{target}\n")
+    calls = [{"tool": name, "ok": fine} for name, fine in made.calls]
+    facts = {"folder": str(target), "files": files, "calls": calls, **made.proof.build_verdict()}
+    write_result(facts, f"{target}\n", as_json=as_json)
 
 
 def _load_model(

@@ -1,4 +1,4 @@
-"""`scenewright batch`: many scenes in one run, which may be killed and gone on with."""
+"""`scenewright batch` and `sweep`: many scenes in one run, which may be killed and gone on with."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.backend_options import (
-    BackendNames,
-    BaseUrl,
+from scenewright.cli.console import format_one_line, is_terminal, log_line, write_result
+from scenewright.cli.interrupts import keep, stop_if_asked
+from scenewright.cli.options import (
+    Json,
     Lawful,
     MaxAgents,
-    Record,
+    ModelOptions,
+    Quiet,
     TimeLimit,
-    Timeout,
+    argument,
+    option,
 )
-from scenewright.cli.common_options import Json, Quiet, spread_options
-from scenewright.cli.console import format_one_line, is_terminal, log_line, write_json, write_stdout
-from scenewright.cli.interruption import keep
-from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
 from scenewright.time_limit import DEFAULT_LIMIT
@@ -44,25 +43,6 @@ Out = Annotated[str, typer.Option(metavar="DIR", help="Folder to write.", callba
 Workers = Annotated[
     int | None, typer.Option(help="Processes at work; as many as there are cores if not said.")
 ]
-EngineName = Annotated[
-    Literal["process", "ray"],
-    typer.Option(help="Processes of this machine, or tasks of a Ray cluster (extra `ray`)."),
-]
-Refiner = Annotated[
-    str | None, typer.Option(help="Learned refinement of the tracks: trajnet or none.")
-]
-RowTimeout = Annotated[
-    float | None,
-    typer.Option(metavar="S", help="Longest that one row may take [s]; half an hour if not said."),
-]
-AtOnce = Annotated[
-    int | None,
-    typer.Option(
-        metavar="N", help="Questions to models at a time, over all workers; one each if not said."
-    ),
-]
-Seed = Annotated[int, typer.Option(help="Rows without a seed get one from this and their id.")]
-Place = Annotated[str, typer.Option(help="Where it happens.")]
 
 
 @dataclass(frozen=True)
@@ -70,12 +50,14 @@ class SceneOptions:
     """How the scenes of a run are made, and on how many processes."""
 
     workers: Workers = None
-    row_timeout: RowTimeout = None
+    row_timeout: float | None = option(
+        None, "Longest that one row may take [s]; half an hour if not said.", metavar="S"
+    )
     time_limit: TimeLimit = DEFAULT_LIMIT
     lawful: Lawful = False
-    refiner: Refiner = None
-    intersection: Place = "amsterdam_120"
-    seed: Seed = 0
+    refiner: str | None = option(None, "Learned refinement of the tracks: trajnet or none.")
+    intersection: str = option("amsterdam_120", "Where it happens.")
+    seed: int = option(0, "Rows without a seed get one from this and their id.")
 
     def build_options(self, **others: Any) -> Options:
         """What all rows share; `others` are further fields of `Options`, or other values."""
@@ -102,15 +84,15 @@ class SceneOptions:
 
 
 @dataclass(frozen=True)
-class RunOptions(SceneOptions):
+class RunOptions(SceneOptions, ModelOptions):
     """How the scenes of a dataset are made, by whom, and where."""
 
-    engine: EngineName = "process"
-    backend: BackendNames = None
-    base_url: BaseUrl = None
-    record: Record = None
-    timeout: Timeout = None
-    at_once: AtOnce = None
+    engine: Literal["process", "ray"] = option(
+        "process", "Processes of this machine, or tasks of a Ray cluster (extra `ray`)."
+    )
+    at_once: int | None = option(
+        None, "Questions to models at a time, over all workers; one each if not said.", metavar="N"
+    )
 
     def choose_work(self) -> dict[str, Any]:
         """The fields of a request or an order that say how it is worked on."""
@@ -121,34 +103,22 @@ class RunOptions(SceneOptions):
         return {**super().choose_work(), "engine": self.engine, "asking": asking}
 
 
-@spread_options
 def make_batch(
     *,
-    rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows with `id` and `text`.")],
+    rows: str = argument(..., "Rows with `id` and `text`.", metavar="IN.jsonl"),
     out: Out,
     run: RunOptions,
-    selection: Annotated[
-        Literal["draw", "map"],
-        typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
-    ] = "draw",
-    lenient: Annotated[
-        bool,
-        typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
-    ] = False,
+    selection: Literal["draw", "map"] = option(
+        "draw", "Draw among the combinations that fit, or take the likeliest."
+    ),
+    lenient: bool = option(False, "Leave out words that cannot be realised, and list them."),
     max_agents: MaxAgents = None,
-    exports: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--export", metavar="FORMAT", help="Write the scenes in a format, too; repeatable."
-        ),
-    ] = None,
-    limit: Annotated[int | None, typer.Option(help="Only the first rows.")] = None,
-    shard: Annotated[
-        str, typer.Option(metavar="I/N", help="Only every N-th row, from the I-th on.")
-    ] = "1/1",
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Read everything, write nothing, say what is to do.")
-    ] = False,
+    exports: list[str] | None = option(
+        None, "Write the scenes in a format, too; repeatable.", "--export", metavar="FORMAT"
+    ),
+    limit: int | None = option(None, "Only the first rows."),
+    shard: str = option("1/1", "Only every N-th row, from the I-th on.", metavar="I/N"),
+    dry_run: bool = option(False, "Read everything, write nothing, say what is to do."),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -157,8 +127,8 @@ def make_batch(
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
     the reason and stop nothing.
     """
+    from scenewright.dataset.batch.manifest import EXPORTS, list_scenes
     from scenewright.dataset.batch.run import Request, parse_shard, predict_run, run_batch
-    from scenewright.dataset.batch.scenes import EXPORTS, list_scenes
     from scenewright.graph.export import export
     from scenewright.tools.exporters import find_format
 
@@ -176,12 +146,10 @@ def make_batch(
         find_format(name)  # before hours are spent
     if dry_run:
         found = predict_run(request, shown=SHOWN)
-        if as_json:
-            write_json({"ok": True, "dry_run": True, **found})
-            return
         lines = [f"{found['rows']} rows, {found['done']} done, {found['to_do']} to do"]
         lines += [f"{each['id']!r} -> {each['folder']}" for each in found["first"]]
-        write_stdout("".join(format_one_line(line) + "\n" for line in lines))
+        text = "".join(format_one_line(line) + "\n" for line in lines)
+        write_result({"dry_run": True, **found}, text, as_json=as_json)
         return
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_batch(request, log=log)
@@ -189,10 +157,7 @@ def make_batch(
         export(list_scenes(request.out), name, request.out / EXPORTS / name)
     if not quiet:
         log_summary(summary)
-    if as_json:
-        write_json({"ok": True, "out": out, **build_summary_object(summary)})
-    else:
-        write_stdout(f"{out}\n")
+    write_result({"out": out, **build_summary_object(summary)}, f"{out}\n", as_json=as_json)
 
 
 def count_cores() -> int:
@@ -288,3 +253,48 @@ def format_duration(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+Sampling = Annotated[
+    Literal["grid", "lhs", "sobol", "boundary"],
+    typer.Option(help="How points are spread; boundary takes the corners alone."),
+]
+
+
+@dataclass(frozen=True)
+class SweepOptions(SceneOptions):
+    """Which points of a plan are made, and how."""
+
+    n: int = option(50, "Points; a grid or its corners may be fewer.", "--n")
+    sampling: Sampling = "sobol"
+    seed: int = option(0, "Of the points, and of every scene.")
+    draws: int = option(3, "Seeds tried for a point until one makes a scene.", min=1, max=100)
+    max_agents: MaxAgents = None
+
+
+def sweep(
+    *,
+    plan: str = argument(..., "A plan with open values.", metavar="PLAN.yaml"),
+    out: Out,
+    options: SweepOptions,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make scenes of a plan with ranges, distributions or lists in place of values.
+
+    points.csv has the values of each point and what became of it: that physics or the place does
+    not allow it (infeasible), or that the search found no scene, is a result, with the reason.
+    The same command goes on where it was.
+    """
+    from scenewright.dataset.batch.run import Request
+    from scenewright.dataset.batch.sweep import TABLE, run_sweep
+    from scenewright.scene.plan_file import read_logical_plan
+
+    request = Request(Path(plan), Path(out), options.build_options(), **options.choose_work())
+    logical = read_logical_plan(plan)
+    with show_batch_progress(quiet=quiet, out=out) as log:
+        summary = run_sweep(logical, request, n=options.n, sampling=options.sampling, log=log)
+    if not quiet:
+        log_summary(summary)
+    facts = {"out": out, "table": f"{out}/{TABLE}", **build_summary_object(summary)}
+    write_result(facts, f"{out}/{TABLE}\n", as_json=as_json)

@@ -10,13 +10,13 @@ from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.common_options import Json, Quiet, spread_options
-from scenewright.cli.console import format_columns, write_json, write_stdout
+from scenewright.cli.batch import Sampling, SweepOptions, sweep
+from scenewright.cli.console import format_columns, write_result, write_stdout
+from scenewright.cli.options import Commands, Json, Quiet, argument, option
 from scenewright.cli.output_folder import try_folder
-from scenewright.cli.sweep import Sampling, SweepOptions, sweep
 from scenewright.errors import InputError
 
-catalogue = typer.Typer(name="catalogue", help="Shipped plans of consumer tests and regulations.")
+catalogue = Commands(name="catalogue", help="Shipped plans of consumer tests and regulations.")
 Name = Annotated[str, typer.Argument(metavar="ID", help="As `catalogue list` has it.")]
 
 
@@ -46,12 +46,11 @@ def format_entry(name: str) -> str:
 def list_entries(as_json: Json = False) -> None:
     """List the plans, and which tests there is none of, and why."""
     _, sources = read_catalogue()
-    if as_json:
-        write_json({"ok": True, "plans": sources["plans"], "absent": sources["absent"]})
-        return
     rows = [(name, each["title"], each["section"]) for name, each in sources["plans"].items()]
     absent = "".join(f" none of {names}: {why}\n" for names, why in sources["absent"].items())
-    write_stdout(format_columns(("id", "what happens", "section"), rows, right=set()) + absent)
+    table = format_columns(("id", "what happens", "section"), rows, right=set())
+    facts = {"plans": sources["plans"], "absent": sources["absent"]}
+    write_result(facts, table + absent, as_json=as_json)
 
 
 @catalogue.command("show")
@@ -68,12 +67,11 @@ class CatalogueOptions(SweepOptions):
 
 
 @catalogue.command("make")
-@spread_options
 def make_entries(
     *,
-    name: Annotated[str | None, typer.Argument(metavar="ID", help="Which plan.")] = None,
-    every: Annotated[bool, typer.Option("--all", help="All plans, a folder each.")] = False,
-    out: Annotated[str, typer.Option(metavar="DIR", callback=try_folder)] = "catalogue",
+    name: str | None = argument(None, "Which plan.", metavar="ID"),
+    every: bool = option(False, "All plans, a folder each.", "--all"),
+    out: str = option("catalogue", "Folder to write.", metavar="DIR", check=try_folder),
     options: CatalogueOptions,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -85,5 +83,6 @@ def make_entries(
     for each in sources["plans"] if name is None else [name]:
         format_entry(each)  # it is there
         with resources.as_file(folder / f"{each}.yaml") as file:
-            sweep(plan=str(file), out=f"{out}/{each}", quiet=quiet, as_json=as_json,
-                  **vars(options))  # fmt: skip
+            sweep(
+                plan=str(file), out=f"{out}/{each}", options=options, quiet=quiet, as_json=as_json
+            )

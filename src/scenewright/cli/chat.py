@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -19,13 +18,21 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.interrupts import forget_interrupt, has_terminate_signal
-from scenewright.cli.user_folders import find_memory_file, find_threads_file
+from scenewright.cli.sessions import (
+    choose_free_name,
+    compare,
+    find_memory_file,
+    get_version,
+    list_threads,
+    list_versions,
+    open_session,
+)
 from scenewright.errors import InputError
 from scenewright.intersections import find_data_folder
 
 if TYPE_CHECKING:
     from scenewright.authoring.session import Session, SessionVersion
-    from scenewright.cli.chat_options import ChatOptions
+    from scenewright.cli.chat_commands import ChatOptions
     from scenewright.cli.views import ViewKind
     from scenewright.graph.run import ProgressCallback
     from scenewright.memory.episodes import Episodes
@@ -58,58 +65,21 @@ def run_chat(options: ChatOptions, *, quiet: bool = False, as_json: bool = False
     Raises:
         InputError: the thread cannot be used.
     """
-    from scenewright.authoring.session import Session
     from scenewright.graph.examples import recall_from
-    from scenewright.graph.run import choose_refiner
     from scenewright.memory.episodes import Episodes
-    from scenewright.memory.threads import Threads
 
     backend = options.model.load()
-    threads = Threads(find_threads_file(options.threads))
+    episodes = None if options.no_memory else Episodes(find_memory_file())
+    progress_log = _ProgressLog()
+    threads, session = open_session(
+        options, options.thread or choose_free_name("thread", list_threads(options.threads)),
+        backend, refiner=options.refiner, log=progress_log,
+        recall=None if episodes is None else recall_from(episodes),
+    )  # fmt: skip
     try:
-        thread = options.thread
-        if not thread:
-            names, number = list(threads.list_names()), 1
-            while f"thread-{number}" in names:
-                number += 1
-            thread = f"thread-{number}"
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
-            raise InputError(
-                f"{format_one_line(thread, limit=80)!r} is no name for a thread; use up to 64 "
-                "letters, digits, ., - and _"
-            )
-        threads.hold(thread)
-        episodes = None if options.no_memory else Episodes(find_memory_file())
-        progress_log = _ProgressLog()
-        session = Session(
-            threads,
-            thread,
-            backend=backend,
-            setting={
-                "intersection": options.intersection,
-                "seed": options.seed,
-                "refiner": choose_refiner(options.refiner),
-            },
-            log=progress_log,
-            recall=None if episodes is None else recall_from(episodes),
-            time_limit=options.time_limit,
-            lawful=options.lawful,
-        )
-        talk = _ChatLoop(
+        _ChatLoop(
             session, progress_log, episodes, out=options.out, quiet=quiet, as_json=as_json
-        )
-        talk.run()
-    finally:
-        threads.close()
-
-
-def list_threads(path: str | None) -> list[str]:
-    """The names of all threads, last used first."""
-    from scenewright.memory.threads import Threads
-
-    threads = Threads(find_threads_file(path))
-    try:
-        return list(threads.list_names())
+        ).run()
     finally:
         threads.close()
 
@@ -145,7 +115,7 @@ class _ChatLoop:
             "redo": lambda _: self._session.redo(),
             "branch": lambda to: self._session.branch(to[0]) if to else self._list_branches(),
             "branches": lambda _: self._list_branches(),
-            "history": lambda _: self._list_history(),
+            "history": lambda _: {"kind": "history", **list_versions(self._session)},
             "show": self._show,
             "compare": self._compare,
             "save": self._save,
@@ -226,54 +196,36 @@ class _ChatLoop:
         here = state.get("branch", MAIN)
         return {"kind": "branches", "branches": list_branches(state), "branch": here}
 
-    def _list_history(self) -> dict[str, Any]:
-        state = self._session.state
-        rows = [
-            {"version": each["number"], "from": each["parent"], "words": each["words"]}
-            for each in state.get("versions", [])
-        ]
-        return {"kind": "history", "versions": rows, "current": state.get("current")}
-
     def _show(self, arguments: list[str]) -> dict[str, Any]:
-        shown = self._get_version(arguments[0] if arguments else None)
+        shown = get_version(self._session, *arguments[:1])
         return {"kind": "shown", "version": shown.version["number"], **build_facts(shown)}
 
     def _compare(self, arguments: list[str]) -> dict[str, Any]:
-        from scenewright.authoring.compare import compare_versions
-
         if len(arguments) != 2:
             raise InputError("/compare needs two versions or branches, such as /compare 1 2")
-        first, second = (self._get_version(each) for each in arguments)
-        return {
-            "kind": "compared",
-            "first": first.version["number"],
-            "second": second.version["number"],
-            **compare_versions(first.record, first.proof, second.record, second.proof),
-        }
+        return compare(*(get_version(self._session, each) for each in arguments))
 
-    def _get_version(self, which: str | None) -> SessionVersion:
-        shown = self._session.find_version(which)
-        if shown is None:
-            raise InputError("there is no scene yet; say what shall happen")
-        return shown
+    def _name(self, shown: SessionVersion) -> str:
+        return f"{self._session.thread}-{shown.version['number']}"
 
     def _save(self, arguments: list[str]) -> dict[str, Any]:
-        from scenewright.cli.save import save_version
+        from scenewright.cli.views import save_version
 
-        shown = self._get_version(None)
-        name = f"{self._session.thread}-{shown.version['number']}"
-        place = " ".join(arguments) or self._out or str(Path("scenes") / name)
+        shown = get_version(self._session)
+        place = " ".join(arguments) or self._out or str(Path("scenes") / self._name(shown))
         folder, files, warnings = save_version(shown, place)
         warnings += self._remember(shown)
         return {"kind": "saved", "folder": str(folder), "files": files, "warnings": warnings}
 
     def _save_view(self, kind: ViewKind, arguments: list[str]) -> dict[str, Any]:
         """Writes the current version as one file; a file that is there is not overwritten."""
-        from scenewright.cli.save import save_view
+        from scenewright.cli.views import write_view
 
-        shown = self._get_version(None)
-        name = f"{self._session.thread}-{shown.version['number']}.{kind}"
-        path = save_view(shown, kind, " ".join(arguments) or name)
+        shown = get_version(self._session)
+        path = Path(" ".join(arguments) or f"{self._name(shown)}.{kind}")
+        if path.exists():
+            raise InputError(f"{path} is there already; name another file")
+        write_view(kind, path, shown.record, shown.proof)
         return {"kind": "saved", "folder": str(path.parent), "files": [path.name], "warnings": []}
 
     def _remember(self, shown: SessionVersion) -> list[str]:
@@ -296,7 +248,7 @@ class _ChatLoop:
 
         from scenewright.cli.views import write_view
 
-        shown = self._get_version(None)
+        shown = get_version(self._session)
         path = self._view_file(shown, "html")
         write_view("html", path, shown.record, shown.proof)
         opened = webbrowser.open(path.as_uri())
@@ -306,10 +258,10 @@ class _ChatLoop:
 
     def _open(self) -> dict[str, Any]:
         """Opens the recording of the current version, until its viewer is closed."""
-        from scenewright.cli.save import record_version
+        from scenewright.cli.views import record_version
         from scenewright.viz.recording import open_recording
 
-        shown = self._get_version(None)
+        shown = get_version(self._session)
         path = self._view_file(shown, "rrd")
         record_version(shown, path)
         open_recording(path)
@@ -318,17 +270,14 @@ class _ChatLoop:
     def _view_file(self, shown: SessionVersion, ending: str) -> Path:
         folder = find_data_folder() / "views"
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        return folder / f"{self._session.thread}-{shown.version['number']}.{ending}"
+        return folder / f"{self._name(shown)}.{ending}"
 
     def _explain(self) -> dict[str, Any]:
         from scenewright.authoring.explain import explain_refusal
 
         refused = self._session.state.get("refused")
-        lines = (
-            ["nothing was refused since the last change"]
-            if refused is None
-            else explain_refusal(refused)
-        )
+        none = ["nothing was refused since the last change"]
+        lines = none if refused is None else explain_refusal(refused)
         return {"kind": "why", "lines": lines, "refused": refused}
 
     def _say_back(self, words: str, reply: dict[str, Any]) -> None:

@@ -2,87 +2,70 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass
 
-import typer
-
-from scenewright.cli.backend_options import Lawful, ModelOptions, TimeLimit
-from scenewright.cli.chat_options import ChatOptions
-from scenewright.cli.common_options import Json, Quiet, spread_options
-from scenewright.cli.console import format_one_line, log_line, write_json, write_stdout
+from scenewright.cli.console import format_one_line, log_line, write_json, write_result
+from scenewright.cli.options import Commands, Json, Quiet, SessionOptions, option
 from scenewright.cli.output_folder import try_folder
-from scenewright.time_limit import DEFAULT_LIMIT
 
-memory = typer.Typer(name="memory", help="Accepted scenes, recalled as examples for prompts.")
+memory = Commands(name="memory", help="Accepted scenes, recalled as examples for prompts.")
 
 
-@spread_options
+@dataclass(frozen=True)
+class ChatOptions(SessionOptions):
+    """What `chat` is asked for."""
+
+    thread: str | None = option(None, "Thread to go on with; a new one if none is named.")
+    refiner: str | None = option(None, "trajnet or none, in a new thread; that of make.")
+    out: str | None = option(None, "Folder that /save writes to.", check=try_folder)
+    no_memory: bool = option(False, "Recall nothing, remember nothing.")
+
+
 def open_chat(
     options: ChatOptions,
-    list_: Annotated[bool, typer.Option("--list", help="List the threads there are.")] = False,
+    list_: bool = option(False, "List the threads there are.", "--list"),
     quiet: Quiet = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object for every line of stdin.")
-    ] = False,
+    as_json: bool = option(False, "One JSON object for every line of stdin.", "--json"),
 ) -> None:
     """Make a scene in conversation, and change it in words until it is right."""
-    from scenewright.cli.chat import list_threads, run_chat
+    from scenewright.cli.chat import run_chat
+    from scenewright.cli.sessions import list_threads
 
     if list_:
         names = list_threads(options.threads)
-        if as_json:
-            write_json({"ok": True, "threads": names})
-        else:
-            write_stdout("".join(f"{name}\n" for name in names))
+        write_result({"threads": names}, "".join(f"{name}\n" for name in names), as_json=as_json)
         return
     run_chat(options, quiet=quiet, as_json=as_json)
 
 
-@spread_options
 def serve_mcp(
-    *,
-    thread: Annotated[str, typer.Option(help="Thread that the tools work on.")] = "mcp",
-    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
-    model: ModelOptions,
-    time_limit: TimeLimit = DEFAULT_LIMIT,
-    lawful: Lawful = False,
-    seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
-    out: Annotated[
-        str | None, typer.Option(help="Folder that scenes may be kept in.", callback=try_folder)
-    ] = None,
-    threads: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Where threads are kept.")
-    ] = None,
+    options: SessionOptions,
+    thread: str = option("mcp", "Thread that the tools work on."),
+    out: str | None = option(None, "Folder that scenes may be kept in.", check=try_folder),
 ) -> None:
     """Serve the tools over the Model Context Protocol, on stdin and stdout (extra `mcp`)."""
-    from scenewright.cli.mcp import ServerOptions, serve
+    from scenewright.cli.mcp import build_server
 
-    serve(ServerOptions(threads, thread, intersection, model.load(), seed, out, time_limit, lawful))
+    build_server(options, thread=thread, out=out).run("stdio")
 
 
 @memory.command("list")
 def list_memory(as_json: Json = False) -> None:
     """List what is remembered."""
-    from scenewright.cli.user_folders import find_memory_file
+    from scenewright.cli.sessions import find_memory_file
     from scenewright.memory.episodes import Episodes
 
     found = Episodes(find_memory_file()).list_all()
-    if as_json:
-        rows = [{"request": e.request, "taxonomy": list(e.taxonomy)} for e in found]
-        write_json({"ok": True, "file": str(find_memory_file()), "episodes": rows})
-    else:
-        write_stdout(
-            "".join(
-                f"{', '.join(e.taxonomy) or 'normal'}: {format_one_line(e.request)}\n"
-                for e in found
-            )
-        )
+    rows = [{"request": e.request, "taxonomy": list(e.taxonomy)} for e in found]
+    lines = (f"{', '.join(e.taxonomy) or 'normal'}: {format_one_line(e.request)}\n" for e in found)
+    facts = {"file": str(find_memory_file()), "episodes": rows}
+    write_result(facts, "".join(lines), as_json=as_json)
 
 
 @memory.command("wipe")
 def wipe_memory(as_json: Json = False) -> None:
     """Forget everything that is remembered."""
-    from scenewright.cli.user_folders import find_memory_file
+    from scenewright.cli.sessions import find_memory_file
     from scenewright.memory.episodes import Episodes
 
     count = Episodes(find_memory_file()).wipe()

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from scenewright.graph.run import ProgressCallback
 
 LONGEST_LINE = 600
-PIPED_WIDTH = 4000
-"""Wide enough for any row: what reads a pipe can cut lines, but cannot mend them."""
 _STAGES = {
     "scene_planner": "planning",
     "agent_generator": "drawing agents",
@@ -39,6 +37,11 @@ def format_one_line(text: str, *, limit: int = LONGEST_LINE) -> str:
     kept = "".join(c if unicodedata.category(c)[0] != "C" else " " for c in text[: 4 * limit])
     line = " ".join(kept.split())
     return line if len(line) <= limit else line[: limit - 1] + "…"
+
+
+def count(number: int, noun: str) -> str:
+    """`1 file`, `2 files`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def log_line(line: str) -> None:
@@ -77,6 +80,14 @@ def write_json(value: Mapping[str, Any]) -> None:
     write_stdout(json.dumps(value, allow_nan=False) + "\n")
 
 
+def write_result(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
+    """To stdout either the facts as one object, `ok` unless they say else, or the text."""
+    if as_json:
+        write_json({"ok": True, **facts})
+    else:
+        write_stdout(text)
+
+
 def abandon_stdout() -> None:
     """Keeps the interpreter from flushing the rest into a stdout that takes nothing."""
     try:
@@ -95,12 +106,12 @@ def render_table(table: Table) -> str:
 
     tty = is_terminal(sys.stdout)
     page = StringIO()
-    Console(file=page, force_terminal=tty, width=None if tty else PIPED_WIDTH).print(table)
+    Console(file=page, force_terminal=tty, width=None if tty else 4000).print(table)
     return "\n".join(line.rstrip() for line in page.getvalue().splitlines()) + "\n"
 
 
 def format_columns(titles: Sequence[str], rows: Sequence[Sequence[str]], *, right: Set[str]) -> str:
-    """Plain text in columns, for thousands of rows, with which `render_table` takes long.
+    """Plain text in columns, of any width: what reads a pipe can cut lines, but cannot mend them.
 
     Args:
         right: titles of the columns whose cells end, not begin, at one place.

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenewright.cli.common_options import Json
 from scenewright.cli.console import format_columns, log_line, write_json, write_stdout
 from scenewright.cli.errors import NOT_VERIFIED
+from scenewright.cli.options import Json, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.dataset.tables.junit import Case, build_junit
 from scenewright.errors import InputError
@@ -25,20 +25,13 @@ _BAR = 30
 
 
 def show_coverage(
-    folders: Annotated[
-        list[str], typer.Argument(metavar="DIR...", help="Datasets, sweeps, folders of scenes.")
-    ],
-    goal: Annotated[
-        str | None, typer.Option(metavar="GOALS.yaml", help="What is to be covered, how often.")
-    ] = None,
-    fill: Annotated[
-        str | None,
-        typer.Option(metavar="ROWS.jsonl", help="Write rows for `batch` that ask for the rest."),
-    ] = None,
-    junit: Annotated[
-        str | None, typer.Option(metavar="F.xml", help="Write each goal as a test case.")
-    ] = None,
-    plot: Annotated[str | None, typer.Option(metavar="F.png", help="Write a picture.")] = None,
+    folders: list[str] = argument(..., "Datasets, sweeps, folders of scenes.", metavar="DIR..."),
+    goal: str | None = option(None, "What is to be covered, how often.", metavar="GOALS.yaml"),
+    fill: str | None = option(
+        None, "Write rows for `batch` that ask for the rest.", metavar="ROWS.jsonl"
+    ),
+    junit: str | None = option(None, "Write each goal as a test case.", metavar="F.xml"),
+    plot: str | None = option(None, "Write a picture.", metavar="F.png"),
     as_json: Json = False,
 ) -> None:
     """Count which bins of what was asked for and measured the scenes cover, and name the gaps.
@@ -46,7 +39,7 @@ def show_coverage(
     Exit code 0 if all goals are met, 1 if not.
     """
     from scenewright.dataset.batch.fill import build_fill
-    from scenewright.dataset.batch.overview import draw_coverage
+    from scenewright.dataset.batch.pictures import draw_coverage
     from scenewright.dataset.batch.sweep import measure_sweep
     from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 

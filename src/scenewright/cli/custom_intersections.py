@@ -5,13 +5,15 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from scenewright.arrays import read_arrays
-from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
-from scenewright.cli.intersection_options import FitOptions, ImportOptions
 from scenewright.cli.learned_walks import learn_walks
+from scenewright.cli.options import FitOptions, ImportOptions
+from scenewright.cli.refiners import GOES_ON, adapt_refiner, train_to_files
+from scenewright.cli.views import render
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
 from scenewright.intersections import (
@@ -122,31 +124,19 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
 def _report_files(made: ImportedMap, report: Mapping[str, Any]) -> dict[str, bytes]:
     """The report as files of the bundle: its facts, and the map over the file's own geometry."""
     import json
-    import tempfile
 
     from scenewright.viz.import_picture import draw_import
 
-    with tempfile.TemporaryDirectory() as scratch:
-        picture = Path(scratch) / REPORT_PICTURE
-        draw_import(
-            picture,
-            intersection=made.intersection_map,
-            layers=made.survey.drawn,
-            lines=[f"{item.item}: {item.detail}" for item in made.items],
-        )
-        drawn = picture.read_bytes()
+    drawn = render(lambda path: draw_import(
+        path, intersection=made.intersection_map, layers=made.survey.drawn,
+        lines=[f"{item.item}: {item.detail}" for item in made.items],
+    ))  # fmt: skip
     facts = json.dumps(report, indent=1, ensure_ascii=False) + "\n"
     return {REPORT: facts.encode(), REPORT_PICTURE: drawn}
 
 
 def simulate_own(
-    name: str,
-    *,
-    minutes: int,
-    seed: int,
-    train: bool,
-    log: ProgressCallback,
-    corpus: Path | None = None,
+    name: str, *, minutes: int, seed: int, train: bool, corpus: str | None, log: ProgressCallback
 ) -> dict[str, Any]:
     """Simulates traffic on an imported map, fits its priors anew and trains its refiner.
 
@@ -158,25 +148,19 @@ def simulate_own(
         InputError: no such imported intersection, SUMO not installed, a number that cannot be.
     """
     if train:
-        require_extra(
-            "learn", "training a refiner", "torch", otherwise="leave it out with --no-train"
-        )
+        no = "leave it out with --no-train"
+        require_extra("learn", "training a refiner", "torch", otherwise=no)
     from scenewright.tools.fitting.simulated_priors import fit_simulated_priors, simulate_map
 
     bundle = open_custom_bundle(name)
+    place, lines = bundle.intersection_map, bundle.route_lines
     made = simulate_map(
-        bundle.intersection_map,
-        bundle.route_lines,
-        minutes=minutes,
-        seed=seed,
-        progress=lambda line: log("simulating", line),
+        place, lines, minutes=minutes, seed=seed, progress=lambda line: log("simulating", line)
     )
     if corpus is not None:
-        save_recordings(corpus, made.recordings)
+        save_recordings(Path(corpus), made.recordings)
     log("fitting", f"priors on {len(made.trips)} trips")
-    priors = fit_simulated_priors(
-        bundle.intersection_map, bundle.route_lines, made.trips, made.present
-    )
+    priors = fit_simulated_priors(place, lines, made.trips, made.present)
     extra: dict[str, bytes] = {}
     facts: dict[str, Any] = {}
     if train:
@@ -204,26 +188,20 @@ def _train_refiner(
     It goes on from the shipped intersection's, which knows how people drive but not how they do
     here: from nothing, so little traffic would not teach it.
     """
-    import tempfile
-
     from scenewright.intersections import SHIPPED
-    from scenewright.tools.trajnet_refiner.bundle_training import CARD, train_bundle
     from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
     shipped = load_bundled_refiner(SHIPPED)
     recipe = RECIPE.model_copy(update={**GOES_ON, "seed": seed})
     log("training", f"a refiner on {len(recordings)} recordings")
-    with tempfile.TemporaryDirectory() as scratch:
-        about = train_bundle(
-            name, recordings, out=Path(scratch), recipe=recipe, command=command,
-            start=None if shipped is None else shipped.net,
-            after_epoch=lambda epoch: log(
-                "training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}"
-            ),
-        )  # fmt: skip
-        files = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
-    return files, dict(about["figures"])
+    return train_to_files(
+        name, recordings, recipe=recipe, command=command,
+        start=None if shipped is None else shipped.net,
+        after_epoch=lambda epoch: log(
+            "training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}"
+        ),
+    )  # fmt: skip
 
 
 def fit_own(
@@ -342,14 +320,10 @@ def _fit_elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffse
             found.setdefault(turn, []).extend(own)
         count = sum(len(own) for lane in lanes.values() for own in lane)
         wide = None if scale is None else measure_scale(tracks, scale)
-        words = (
-            f"{file.name}: {count} tracks on {sum(map(len, lanes.values()))} lanes, for the pool"
-        )
-        if scale is not None:
-            words += f", at {scale:g} m per pixel"
-        if wide is not None:
-            words += f" ({wide:.3f} would make its lanes 3.25 m wide)"
-        notes.append(words)
+        on = f"{count} tracks on {sum(map(len, lanes.values()))} lanes"
+        at = "" if scale is None else f", at {scale:g} m per pixel"
+        fits = "" if wide is None else f" ({wide:.3f} would make its lanes 3.25 m wide)"
+        notes.append(f"{file.name}: {on}, for the pool{at}{fits}")
     if paths and not found:
         raise InputError(f"{', '.join(paths)[:200]}: no lane that three vehicles share")
     return found, notes
@@ -415,28 +389,22 @@ def parse_columns(text: str) -> dict[str, str]:
 
 def _parse_clock(text: str) -> float:
     try:
-        hours, minutes = (int(part) for part in text.split(":"))
+        clock = datetime.strptime(text, "%H:%M")
     except ValueError:
-        hours, minutes = -1, 0
-    if not (0 <= hours < 24 and 0 <= minutes < 60):
-        raise InputError(f"a time of day is HH:MM, got {text[:20]!r}")
-    return hours + minutes / 60
+        raise InputError(f"a time of day is HH:MM, got {text[:20]!r}") from None
+    return clock.hour + clock.minute / 60
 
 
 def fit_text(facts: dict[str, Any]) -> list[str]:
     """What was read, removed and fitted, as lines for people."""
+    most = sorted(facts["matched"].items(), key=lambda each: -each[1])[:12]
+    tracks = "tracks: " + ", ".join(f"{route} {n}" for route, n in most)
     rows = [
         f"held out, {row['tracks']} tracks to fit on: {row['pooled_nll']:.2f} nats per waypoint "
         f"pooled, {row['unpooled_nll']:.2f} unpooled"
         for row in facts["heldout"]
     ]
-    most = sorted(facts["matched"].items(), key=lambda each: -each[1])[:12]
-    return [
-        *facts["cleaning"],
-        *facts["notes"],
-        "tracks: " + ", ".join(f"{route} {n}" for route, n in most),
-        *rows,
-    ]
+    return [*facts["cleaning"], *facts["notes"], tracks, *rows]
 
 
 def draw_own(png: str, name: str, *, with_samples: bool = False) -> None:

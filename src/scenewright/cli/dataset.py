@@ -1,27 +1,72 @@
-"""`scenewright dataset`: datasets checked, and the one of the paper made."""
+"""`scenewright export` and `dataset`: scenes in other formats, datasets checked and signed."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from scenewright.cli.batch import Out, count_cores
-from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
+    count,
     format_one_line,
     log_line,
     show_progress,
-    write_json,
+    write_result,
     write_stdout,
 )
 from scenewright.cli.errors import NOT_VERIFIED
-from scenewright.cli.export import Ego, Form, To, log_files
 from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.options import Commands, Json, Quiet, argument, option
 
-dataset = typer.Typer(name="dataset", help="Datasets of scenes: check them, make the paper's.")
+To = Annotated[
+    str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
+]
+Form = Annotated[
+    str | None,
+    typer.Option(help="Form, of formats with several: replay, reactive; window, whole, example."),
+]
+Ego = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Agent that is left to you, such as vehicle-1.")
+]
+
+
+def export(
+    *,
+    scenes: list[str] = argument(..., "scene.json, or folders of scenes.", metavar="SCENE..."),
+    to: To,
+    out: Out,
+    form: Form = None,
+    ego: Ego = None,
+    intersection: str | None = option(None, "Map to use, not the one the scene names."),
+    plan: str | None = option(
+        None, "Plan whose open speeds become OpenSCENARIO distributions.", metavar="F"
+    ),
+    as_json: Json = False,
+) -> None:
+    """Write scenes in another format; docs/exports.md describes each."""
+    from scenewright.cli.verify import list_scene_files
+    from scenewright.graph.export import export as write
+
+    given = [each for path in scenes for each in list_scene_files(path)]
+    log_files(
+        write(given, to, Path(out), form=form, ego=ego, intersection=intersection, plan=plan),
+        scenes=len(given), to=to, out=out, as_json=as_json,
+    )  # fmt: skip
+
+
+def log_files(files: list[Path], *, scenes: int, to: str, out: str, as_json: bool) -> None:
+    """What was written: one object, or the folder on stdout and a line on stderr."""
+    if not as_json:
+        counts = f"{count(scenes, 'scene')} as {to}: {count(len(files), 'file')}"
+        log_line(format_one_line(counts))
+    facts = {"format": to, "scenes": scenes, "out": out, "files": [str(file) for file in files]}
+    write_result(facts, f"{out}\n", as_json=as_json)
+
+
+dataset = Commands(name="dataset", help="Datasets of scenes: check them, make the paper's.")
 
 Folder = Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
 _SHOWN = 20
@@ -30,13 +75,10 @@ _SHOWN = 20
 @dataset.command("check")
 def check(
     folder: Folder,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; as many as there are cores if not said.")
-    ] = None,
-    public_key: Annotated[
-        str | None,
-        typer.Option(metavar="KEY", help="Demand the signature of this key of minisign, or file."),
-    ] = None,
+    workers: int | None = option(None, "Processes; as many as there are cores if not said.", min=1),
+    public_key: str | None = option(
+        None, "Demand the signature of this key of minisign, or file.", metavar="KEY"
+    ),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -58,19 +100,12 @@ def check(
         found = audit_dataset(Path(folder), workers=workers or count_cores(), log=tell)
     if unsigned is not None:
         found = replace(found, faults=(AuditFault(SIGNATURE, unsigned), *found.faults))
-    about: dict[str, Any] = {
-        "folder": folder,
-        "files": found.files,
-        "scenes": found.scenes,
-        "verified": found.verified,
-        "complete": found.complete,
-    }
-    if as_json:
-        faults = [vars(fault) for fault in found.faults]
-        write_json({"ok": not found.faults, **about, "faults": faults})
-    else:
-        counts = f"{found.files} files, {found.verified} of {found.scenes} proofs confirmed"
-        write_stdout(f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n")
+    about = {key: each for key, each in vars(found).items() if key != "faults"}
+    counts = f"{found.files} files, {found.verified} of {found.scenes} proofs confirmed"
+    text = f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n"
+    faults = [vars(fault) for fault in found.faults]
+    facts = {"ok": not faults, "folder": folder, **about, "faults": faults}
+    write_result(facts, text, as_json=as_json)
     for fault in found.faults[:_SHOWN]:
         log_line(format_one_line(f"{fault.where}: {fault.what}"))
     if len(found.faults) > _SHOWN:
@@ -83,7 +118,7 @@ def check(
 
 @dataset.command("key")
 def make_key(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Secret key to write.")],
+    file: str = argument(..., "Secret key to write.", metavar="FILE"),
 ) -> None:
     """Make a key to sign datasets with: FILE, to keep, and FILE.pub, to give away."""
     from scenewright.dataset.batch.signing import create_key
@@ -94,7 +129,7 @@ def make_key(
 @dataset.command("sign")
 def sign(
     folder: Folder,
-    key: Annotated[str, typer.Option(metavar="FILE", help="Secret key, without a password.")],
+    key: str = option(..., "Secret key, without a password.", metavar="FILE"),
 ) -> None:
     """Sign a dataset with a key of one's own, as minisign does; any change then shows."""
     from scenewright.dataset.batch.signing import sign_dataset
@@ -112,7 +147,7 @@ def export_dataset(
     as_json: Json = False,
 ) -> None:
     """Write every scene of a dataset in another format; docs/exports.md describes each."""
-    from scenewright.dataset.batch.scenes import list_scenes
+    from scenewright.dataset.batch.manifest import list_scenes
     from scenewright.graph.export import export
 
     scenes = list_scenes(Path(folder))

@@ -7,13 +7,11 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from scenewright.cli.backend_options import TimeLimit
 from scenewright.cli.batch import Workers, count_cores
-from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
     format_columns,
     format_one_line,
@@ -23,6 +21,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
+from scenewright.cli.options import Json, Quiet, TimeLimit, argument, option
 from scenewright.cli.output_folder import fill_folder, target_folder, try_file
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.extras import describe_missing, require_extra
@@ -41,56 +40,34 @@ FailOn = Literal["collision", "at-fault"]
 
 
 def drive(
-    text_or_scene: Annotated[
-        str, typer.Argument(metavar="TEXT_OR_SCENE", help="What shall happen, or a scene folder.")
-    ] = "",
-    benchmark: Annotated[
-        bool, typer.Option("--benchmark", help="Drive the 200 scenes of the benchmark instead.")
-    ] = False,
-    split: Annotated[
-        Literal["dev", "test", "all"], typer.Option(help="Scenes of the benchmark.")
-    ] = "all",
-    policy: Annotated[
-        str,
-        typer.Option(
-            help="replay, constant, lane-follower, idm, cautious, aggressive, learned or "
-            "module:Class; with --benchmark also all."
-        ),
-    ] = "idm",
-    others: Annotated[
-        Others, typer.Option(help="Replay; react to the ego; or are re-timed for it.")
-    ] = "replay",
-    temperament: Annotated[
-        Temperament | None,
-        typer.Option(help="Of others that react; with --benchmark only scenes with it."),
-    ] = None,
-    ego: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Agent to drive, such as vehicle-1.")
-    ] = None,
-    n: Annotated[int | None, typer.Option("--n", min=1, help="Drives, each of a seed.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 0,
-    intersection: Annotated[str, typer.Option(help="Where a text happens.")] = "amsterdam_120",
-    step_limit: Annotated[
-        float, typer.Option(min=0.01, help="Longest a policy may take for an answer [s].")
-    ] = 5.0,
+    text_or_scene: str = argument(
+        "", "What shall happen, or a scene folder.", metavar="TEXT_OR_SCENE"
+    ),
+    benchmark: bool = option(False, "Drive the 200 scenes of the benchmark instead."),
+    split: Literal["dev", "test", "all"] = option("all", "Scenes of the benchmark."),
+    policy: str = option(
+        "idm",
+        "replay, constant, lane-follower, idm, cautious, aggressive, learned or module:Class; "
+        "with --benchmark also all.",
+    ),
+    others: Others = option("replay", "Replay; react to the ego; or are re-timed for it."),
+    temperament: Temperament | None = option(
+        None, "Of others that react; with --benchmark only scenes with it."
+    ),
+    ego: str | None = option(None, "Agent to drive, such as vehicle-1.", metavar="NAME"),
+    n: int | None = option(None, "Drives, each of a seed.", "--n", min=1),
+    seed: int = option(0, "Seed of the first drive.", min=0),
+    intersection: str = option("amsterdam_120", "Where a text happens."),
+    step_limit: float = option(5.0, "Longest a policy may take for an answer [s].", min=0.01),
     time_limit: TimeLimit = DEFAULT_LIMIT,
-    fail_on: Annotated[
-        FailOn | None,
-        typer.Option(help="End in 1 after a collision of the ego, or after one that is its fault."),
-    ] = None,
-    serve: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Where the ego's program connects.")
-    ] = None,
+    fail_on: FailOn | None = option(
+        None, "End in 1 after a collision of the ego, or after one that is its fault."
+    ),
+    serve: str | None = option(None, "Where the ego's program connects.", metavar="HOST:PORT"),
     workers: Workers = None,
-    out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Folder for what was driven, as scenes.")
-    ] = None,
-    junit: Annotated[
-        str | None, typer.Option(metavar="F.xml", help="JUnit for CI.", callback=try_file)
-    ] = None,
-    html: Annotated[
-        str | None, typer.Option(metavar="F.html", help="Report as a page.", callback=try_file)
-    ] = None,
+    out: str | None = option(None, "Folder for what was driven, as scenes.", metavar="DIR"),
+    junit: str | None = option(None, "JUnit for CI.", metavar="F.xml", check=try_file),
+    html: str | None = option(None, "Report as a page.", metavar="F.html", check=try_file),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:

@@ -49,13 +49,8 @@ class CliError:
 
     def to_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""
-        return {
-            "ok": False,
-            "code": self.code,
-            "exit_code": self.exit_code,
-            "reason": self.reason,
-            **self.details,
-        }
+        about = {"code": self.code, "exit_code": self.exit_code, "reason": self.reason}
+        return {"ok": False, **about, **self.details}
 
 
 def to_cli_error(error: BaseException) -> CliError:

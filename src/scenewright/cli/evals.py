@@ -2,49 +2,40 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from scenewright.cli.common_options import Json, Quiet
 from scenewright.cli.console import (
+    format_columns,
     format_one_line,
     log_line,
-    render_table,
     show_progress,
-    write_json,
+    write_result,
     write_stdout,
 )
-from scenewright.cli.output_folder import try_folder
+from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.options import BoardOptions, Commands, Json, Quiet, argument, option
+from scenewright.cli.output_folder import try_folder, write_report
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
-    from scenewright.evals.realism.assessment import Assessment
     from scenewright.evals.trajnet.recording import BenchmarkRecording
     from scenewright.evals.trajnet.score import Evaluated
 
-evals = typer.Typer(name="evals", help="Benchmarks of the parts on data of your own.")
-
-Files = Annotated[
-    list[str], typer.Argument(metavar="FILE...", help="TrajNet++ recordings, .ndjson.")
-]
+evals = Commands(name="evals", help="Benchmarks of the parts on data of your own.")
 
 
 @evals.command("trajnet")
 def score_trajnet(
-    files: Files,
-    weights: Annotated[
-        str | None,
-        typer.Option(help="The refiner's weights, .safetensors; constant velocity alone without."),
-    ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            help="Folder for the predictions in the benchmark's format.", callback=try_folder
-        ),
-    ] = None,
+    files: list[str] = argument(..., "TrajNet++ recordings, .ndjson.", metavar="FILE..."),
+    weights: str | None = option(
+        None, "The refiner's weights, .safetensors; constant velocity alone without."
+    ),
+    out: str | None = option(
+        None, "Folder for the predictions in the benchmark's format.", check=try_folder
+    ),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -71,13 +62,9 @@ def score_trajnet(
         write_predictions(Path(out), recordings, evaluated)
     if not evaluated[0].rows:
         log_line("note: no file holds what really happened, so there is nothing to score")
-    if as_json:
-        results = [each.to_json() for each in evaluated]
-        write_json({"ok": True, "files": files, "out": out, "results": results})
-    else:
-        write_stdout(
-            "".join(format_scores(each) for each in evaluated if each.rows) or f"{out or ''}\n"
-        )
+    text = "".join(format_scores(each) for each in evaluated if each.rows) or f"{out or ''}\n"
+    results = [each.to_json() for each in evaluated]
+    write_result({"files": files, "out": out, "results": results}, text, as_json=as_json)
 
 
 def read_recordings(files: Iterable[str]) -> list[BenchmarkRecording]:
@@ -89,11 +76,14 @@ def read_recordings(files: Iterable[str]) -> list[BenchmarkRecording]:
     from scenewright.evals.trajnet.recording import read_recording
 
     recordings = [read_recording(Path(file)) for file in files]
-    names = [recording.name for recording in recordings]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"two files are called {twice[0]}.ndjson; rename one of them")
+    check_distinct([each.name for each in recordings], "files are called", "rename one of them")
     return recordings
+
+
+def check_distinct(names: list[str], what: str, advice: str) -> None:
+    """InputError where two of what is named have one name."""
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(f"two {what} {twice[0]!r}; {advice}")
 
 
 def write_predictions(
@@ -106,14 +96,12 @@ def write_predictions(
     """
     from scenewright.evals.trajnet.score import format_predictions
     from scenewright.files import write_atomically
+    from scenewright.graph.run import make_folder
 
     for each in evaluated:
         name = each.predictor.replace(" ", "_")
         place = folder / (name if each.goals == "none" else f"{name}_told_{each.goals}")
-        try:
-            place.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write {place}: {error.strerror or error}") from error
+        make_folder(place)
         for recording, scenes in zip(recordings, each.predicted, strict=True):
             text = "".join(line + "\n" for line in format_predictions(recording, scenes))
             write_atomically(place / f"{recording.name}.ndjson", text.encode())
@@ -121,56 +109,39 @@ def write_predictions(
 
 def format_scores(evaluated: Evaluated) -> str:
     """A headline and one line per kind of scene, intervals in brackets."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
     given = "" if evaluated.goals == "none" else f", given the {evaluated.goals}"
-    page = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    page.add_column("scenes")
-    for title in ("n", "people", "ADE [m]", "FDE [m]", "Col-I [%]", "Col-II [%]"):
-        page.add_column(Text(title), justify="right", no_wrap=True)
-    for row in evaluated.rows:
-        digits = {"ade": 2, "fde": 2, "col1": 1, "col2": 1}
-        cells = [
+    titles = ("scenes", "n", "people", "ADE [m]", "FDE [m]", "Col-I [%]", "Col-II [%]")
+    digits = {"ade": 2, "fde": 2, "col1": 1, "col2": 1}
+    rows = [
+        (row.name, str(row.scenes), str(row.people), *(
             row.figures[measure].format(f"{{0:.{n}f}} ({{1:.{n}f}} to {{2:.{n}f}})", "none")
             for measure, n in digits.items()
-        ]
-        page.add_row(row.name, str(row.scenes), str(row.people), *cells)
-    return format_one_line(f"{evaluated.predictor}{given}") + "\n" + render_table(page)
+        ))
+        for row in evaluated.rows
+    ]  # fmt: skip
+    table = format_columns(titles, rows, right={*titles[1:]})
+    return format_one_line(f"{evaluated.predictor}{given}") + "\n" + table
 
 
 @evals.command("realism")
 def score_realism(
-    sets: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="SET...",
-            help="Folders of scenes, also of a batch, or files of tracks; NAME=PATH names one.",
-        ),
-    ],
-    real: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=PATH", help="Tracks of real traffic to compare with; may be given again."
-        ),
-    ] = None,
-    corpus: Annotated[
-        str | None, typer.Option(metavar="F.npz", help="A corpus, whose test hours are shown, too.")
-    ] = None,
-    intersection: Annotated[
-        str | None, typer.Option(help="The intersection that the corpus is of.")
-    ] = None,
-    scale: Annotated[
-        float | None, typer.Option(help="Metres per pixel of tracks in pixels.")
-    ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            help="Folder for realism.md, realism.json and realism.png.", callback=try_folder
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of splits and resamplings.")] = 0,
+    sets: list[str] = argument(
+        ...,
+        "Folders of scenes, also of a batch, or files of tracks; NAME=PATH names one.",
+        metavar="SET...",
+    ),
+    real: list[str] | None = option(
+        None, "Tracks of real traffic to compare with; may be given again.", metavar="NAME=PATH"
+    ),
+    corpus: str | None = option(
+        None, "A corpus, whose test hours are shown, too.", metavar="F.npz"
+    ),
+    intersection: str | None = option(None, "The intersection that the corpus is of."),
+    scale: float | None = option(None, "Metres per pixel of tracks in pixels."),
+    out: str | None = option(
+        None, "Folder for realism.md, realism.json and realism.png.", check=try_folder
+    ),
+    seed: int = option(0, "Of splits and resamplings.", min=0),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -182,15 +153,18 @@ def score_realism(
     from scenewright.extras import require_extra
 
     require_extra("learn", "judging realism", "sklearn")
-    from scenewright.evals.realism.assessment import assess
+    from scenewright.evals.realism.assessment import assess, draw_assessment
     from scenewright.evals.realism.sources import read_source
+    from scenewright.files import write_atomically
     from scenewright.intersections import load_map
     from scenewright.tools.gmm_sampler import load_priors
 
     judged = [read_source(each, scale=scale) for each in sets]
     beside = [read_source(each, scale=scale) for each in real or ()]
     simulated = None if corpus is None else read_source(corpus, place=intersection)
-    check_names([each.name for each in (*judged, *beside, *([simulated] if simulated else []))])
+    every = (*judged, *beside, *([simulated] if simulated else []))
+    names = [each.name for each in every]
+    check_distinct(names, "data sets are called", "name one with NAME=PATH")
     with show_progress(quiet=quiet) as log:
         report = assess(
             judged,
@@ -201,35 +175,62 @@ def score_realism(
             seed=seed,
             log=lambda line: log("judging", line),
         )
+    page, facts = report.format_markdown(), report.to_json()
     if out is not None:
-        write_assessment(Path(out), report)
-    if as_json:
-        write_json({"ok": True, "out": out, **report.to_json()})
-    else:
-        write_stdout(report.format_markdown())
+        target = write_report(out, "realism", page, facts)
+        write_atomically(target / "realism.png", draw_assessment(report))
+    write_result({"out": out, **facts}, page, as_json=as_json)
 
 
-def check_names(names: list[str]) -> None:
-    """InputError where two data sets have one name."""
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"two data sets are called {twice[0]!r}; name one with NAME=PATH")
+def score_satisfaction(
+    *,
+    folder: str | None = argument(
+        None, "ID/scene.json, or ID.SUFFIX: tracks, for each row.", metavar="DIR"
+    ),
+    rows: str | None = option(
+        None, "Write the instructions as rows for `batch`.", metavar="F.jsonl"
+    ),
+    intersection: str = option(
+        "amsterdam_120", "Map of submitted tracks; a scene.json names its own."
+    ),
+    entry: BoardOptions,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """How many instructions of other people are satisfied by scenes of any program.
 
-
-def write_assessment(folder: Path, report: Assessment) -> None:
-    """The report as tables, JSON and a page of plots.
-
-    Raises:
-        InputError: the folder cannot be made.
+    490 labelled instructions by writers who had seen no planner. First `--rows F.jsonl` writes
+    them; then DIR is judged from its tracks alone: the events that the checker finds, between
+    agents that come from, go to and cross what the label says, and nothing else.
     """
-    import json
-
-    from scenewright.evals.realism.assessment import draw_assessment
+    from scenewright.evals.leaderboard import enter_leaderboard
+    from scenewright.evals.planning import load
+    from scenewright.evals.satisfaction import judge as judging
     from scenewright.files import write_atomically
-    from scenewright.graph.run import make_folder
 
-    target = make_folder(folder)
-    text = json.dumps(report.to_json(), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
-    write_atomically(target / "realism.md", report.format_markdown().encode("utf-8"))
-    write_atomically(target / "realism.json", text.encode("utf-8"))
-    write_atomically(target / "realism.png", draw_assessment(report))
+    labelled = [row for row in load("voices") if "disputed" not in row]
+    if (folder is None) == (rows is None):
+        raise InputError("name either a folder to judge, or --rows FILE to write the instructions")
+    if rows is not None:
+        own = ({"id": row["id"], "text": row["text"]} for row in labelled)
+        lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in own)
+        write_atomically(rows, lines.encode("utf-8"))
+        write_stdout(f"{rows}: {len(labelled)} rows\n")
+        return
+    with show_progress(quiet=quiet) as log:
+        verdicts = []
+        for done, row in enumerate(labelled, start=1):
+            found = judging.read_submission(Path(str(folder)), row["id"], intersection=intersection)
+            verdicts.append(judging.judge(row, found))
+            if done % 50 == 0:
+                log("judging", f"{done} of {len(labelled)} instructions")
+            stop_if_asked()
+    if all(each.outcome.endswith("refused") for each in verdicts):
+        raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
+    shares = judging.count_verdicts(verdicts, labelled)
+    figures = judging.to_json(shares)
+    page = enter_leaderboard(Path(entry.board), str(entry.name), figures) if entry.board else None
+    facts = {"folder": folder, **figures, "verdicts": [vars(each) for each in verdicts]}
+    write_result(facts, judging.to_markdown(shares, verdicts), as_json=as_json)
+    if page is not None:
+        log_line(f"written: {entry.board}, {page}")

@@ -6,19 +6,19 @@ import glob
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenewright.cli.common_options import Json
 from scenewright.cli.console import (
+    count,
     format_columns,
     format_one_line,
     log_line,
-    write_json,
-    write_stdout,
+    write_result,
 )
 from scenewright.cli.errors import UNUSABLE
+from scenewright.cli.options import Json, argument, option
 from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.files import write_atomically
@@ -31,27 +31,21 @@ LIMIT = 100
 
 
 def find(
-    query: Annotated[str, typer.Argument(help="What happens, or a plan as a .yaml file.")],
-    paths: Annotated[
-        list[str],
-        typer.Argument(metavar="TRACKS...", help="What `verify` reads: files, folders, patterns."),
-    ],
-    intersection: Annotated[
-        str | None,
-        typer.Option("--intersection", "--map", help="The map of the tracks, in their frame."),
-    ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option(help="Folder for a clip of every hit; needs a map.", callback=try_folder),
-    ] = None,
-    vary: Annotated[
-        str | None,
-        typer.Option(metavar="F", help="Write the best hit as a plan to vary.", callback=try_file),
-    ] = None,
-    limit: Annotated[int, typer.Option(help="Most hits.", min=1)] = LIMIT,
-    lenient: Annotated[
-        bool, typer.Option("--lenient", help="Count hits of which something cannot be tested.")
-    ] = False,
+    query: str = argument(..., "What happens, or a plan as a .yaml file."),
+    paths: list[str] = argument(
+        ..., "What `verify` reads: files, folders, patterns.", metavar="TRACKS..."
+    ),
+    intersection: str | None = option(
+        None, "The map of the tracks, in their frame.", "--intersection", "--map"
+    ),
+    out: str | None = option(
+        None, "Folder for a clip of every hit; needs a map.", check=try_folder
+    ),
+    vary: str | None = option(
+        None, "Write the best hit as a plan to vary.", metavar="F", check=try_file
+    ),
+    limit: int = option(LIMIT, "Most hits.", min=1),
+    lenient: bool = option(False, "Count hits of which something cannot be tested."),
     as_json: Json = False,
 ) -> None:
     """Find what a text or a plan asks for in recordings: who, when, and what was measured."""
@@ -67,10 +61,7 @@ def find(
     if vary is not None and found.hits:
         best = min(found.hits, key=lambda hit: len(hit.untested))
         write_atomically(Path(vary), format_variation(best).encode())
-    if as_json:
-        write_json({**found.to_json(), "clips": clips})
-    else:
-        write_stdout(_format_hits(found.hits))
+    write_result(found.to_json() | {"clips": clips}, _format_hits(found.hits), as_json=as_json)
     if found.doubtful:
         reasons = format_one_line("; ".join(found.doubtful[0].untested))
         more = f"{len(found.doubtful)} more in part not tested"
@@ -152,4 +143,4 @@ def _format_hits(hits: list[Hit]) -> str:
         if hit.untested:
             below.append(f"{n}, not tested: {format_one_line('; '.join(hit.untested))}\n")
     table = format_columns(titles, rows, right={"time"}) if rows else ""
-    return f"{len(hits)} hit{'' if len(hits) == 1 else 's'}\n{table}{''.join(below)}"
+    return f"{count(len(hits), 'hit')}\n{table}{''.join(below)}"

@@ -1,30 +1,39 @@
-"""The commands for intersections of one's own: import, simulate, fit."""
+"""`scenewright intersections`: what there is, and how one of one's own is made."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import (
     format_one_line,
     log_line,
     show_progress,
-    write_json,
+    write_result,
     write_stdout,
 )
-from scenewright.cli.intersection_options import FitOptions, ImportOptions
+from scenewright.cli.options import (
+    Commands,
+    FitOptions,
+    ImportOptions,
+    Json,
+    Quiet,
+    TrainOptions,
+    argument,
+    option,
+)
 from scenewright.cli.output_folder import try_file
+from scenewright.errors import InputError
+from scenewright.files import write_atomically
+
+intersections = Commands(name="intersections", help="The intersections that scenes can be made at.")
 
 
-@spread_options
+@intersections.command("import")
 def import_map_file(
-    file: Annotated[
-        str, typer.Argument(help="OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml.")
-    ],
+    *,
+    file: str = argument(..., "OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml."),
     options: ImportOptions,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -37,55 +46,57 @@ def import_map_file(
     _print_facts(facts, () if quiet else import_text(facts), as_json=as_json)
 
 
+@intersections.command("junctions")
 def show_junctions(
-    file: Annotated[str, typer.Argument(help="A map file; see `import`.")],
-    street: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only junctions of this street.")
-    ] = None,
-    png: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Draw a map of them, by their ids, to a PNG.")
-    ] = None,
+    file: str = argument(..., "A map file; see `import`."),
+    street: list[str] | None = option(None, "Only junctions of this street.", metavar="NAME"),
+    png: str | None = option(None, "Draw a map of them, by their ids, to a PNG.", metavar="FILE"),
     as_json: Json = False,
 ) -> None:
     """List the junctions of a map file, to choose one for `import`."""
-    from scenewright.cli.map_junctions import draw_list, format_rows, list_rows
+    from scenewright.cli.intersections import describe, draw_list, format_rows, list_rows
 
     found, roads = list_rows(file, street or ())
     if png is not None:
         draw_list(file, found, roads, png)
-    if as_json:
-        write_json({"ok": True, "file": file, "junctions": [row.describe() for row in found]})
-    else:
-        write_stdout(format_rows(found))
+    facts = {"file": file, "junctions": list(map(describe, found))}
+    write_result(facts, format_rows(found), as_json=as_json)
 
 
+@intersections.command("export")
 def export_map(
-    name: Annotated[str, typer.Argument(help="An intersection; see `list`.")],
-    out: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE", help="F.xodr (OpenDRIVE), F.osm (Lanelet2).", callback=try_file
-        ),
-    ],
+    name: str = argument(..., "An intersection; see `list`."),
+    out: str = argument(
+        ..., "F.xodr (OpenDRIVE), F.osm (Lanelet2).", metavar="FILE", check=try_file
+    ),
 ) -> None:
     """Write an intersection's map as OpenDRIVE or Lanelet2, by the ending of FILE."""
-    from scenewright.cli.map_export import write_map
+    from scenewright.intersections import find_bundle_folder, load_map, read_bundle_header
+    from scenewright.tools.exporters.lanelet2 import write_lanelet2
+    from scenewright.tools.exporters.opendrive import write_opendrive
 
-    write_map(name, out)
+    place = load_map(name)
+    match Path(out).suffix.lower():
+        case ".xodr":
+            data = write_opendrive(place)
+        case ".osm":
+            origin = read_bundle_header(find_bundle_folder(name)).get("frame", {}).get("origin")
+            data = write_lanelet2(place, tuple(origin) if origin else None)
+        case other:
+            raise InputError(f"a map is written as .xodr or .osm, not {other or out!r}")
+    write_atomically(out, data)
     write_stdout(f"{out}\n")
 
 
+@intersections.command("simulate")
 def simulate(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    minutes: Annotated[int, typer.Option(min=10, max=240, help="How much traffic [min].")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
-    train: Annotated[
-        bool, typer.Option("--train/--no-train", help="Train a refiner on it, about half a minute.")
-    ] = True,
-    corpus: Annotated[
-        str | None,
-        typer.Option(metavar="F", help="An .npz to keep the tracks in, for `train --others`."),
-    ] = None,
+    name: str = argument(..., "Its name."),
+    minutes: int = option(20, "How much traffic [min].", min=10, max=240),
+    seed: int = option(0, "Seed of the simulation.", min=0),
+    train: bool = option(True, "Train a refiner on it, about half a minute.", "--train/--no-train"),
+    corpus: str | None = option(
+        None, "An .npz to keep the tracks in, for `train --others`.", metavar="F"
+    ),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -95,22 +106,20 @@ def simulate(
     """
     from scenewright.cli.custom_intersections import simulate_own
 
-    kept = None if corpus is None else Path(corpus)
     with show_progress(quiet=quiet) as log:
-        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log, corpus=kept)
+        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log, corpus=corpus)
     _print_facts(facts, (), as_json=as_json)
 
 
-@spread_options
+@intersections.command("fit")
 def fit(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    tracks: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="TRACKS...",
-            help="TAF-BW or inD-style csv, TrajNet++ ndjson, SUMO FCD xml, any csv; or folders.",
-        ),
-    ],
+    *,
+    name: str = argument(..., "Its name."),
+    tracks: list[str] = argument(
+        ...,
+        "TAF-BW or inD-style csv, TrajNet++ ndjson, SUMO FCD xml, any csv; or folders.",
+        metavar="TRACKS...",
+    ),
     options: FitOptions,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -123,11 +132,57 @@ def fit(
     _print_facts(facts, () if quiet else fit_text(facts), as_json=as_json)
 
 
+@intersections.command("list")
+def list_all(as_json: Json = False) -> None:
+    """List the intersections there are."""
+    from scenewright.cli.intersections import format_intersections, summarize_intersections
+
+    rows = summarize_intersections()
+    write_result({"intersections": rows}, format_intersections(rows), as_json=as_json)
+
+
+@intersections.command("show")
+def show_one(
+    name: str = argument(..., "Its name."),
+    png: str | None = option(None, "Draw the map to this file.", metavar="F"),
+    samples: bool = option(False, "In the picture, paths drawn from the priors too."),
+    rrd: str | None = option(None, "Write it as a recording for the rerun viewer.", metavar="F"),
+    as_json: Json = False,
+) -> None:
+    """Say what an intersection has: legs, movements, crosswalks, signals."""
+    from scenewright.cli.intersections import describe_intersection, format_intersection
+
+    facts = describe_intersection(name)
+    if png is not None or rrd is not None:
+        from scenewright.cli.custom_intersections import draw_own, record_own
+
+        if png is not None:
+            draw_own(png, name, with_samples=samples)
+            facts["png"] = png
+        if rrd is not None:
+            record_own(rrd, name)
+            facts["rrd"] = rrd
+    write_result(facts, format_intersection(facts), as_json=as_json)
+
+
+@intersections.command("train")
+def train(
+    *,
+    name: str = argument(..., "Its name."),
+    options: TrainOptions,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Train an intersection's refiner; started again after a kill, it goes on where it was."""
+    from scenewright.cli.refiners import train_refiner
+
+    with show_progress(quiet=quiet) as log:
+        made = train_refiner(name, options, log=log)
+    write_result({"name": name, **made}, f"{made['folder']}\n", as_json=as_json)
+
+
 def _print_facts(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: bool) -> None:
     """Remarks to people; then the facts as one object, or just where the bundle is."""
     for line in lines:
         log_line(format_one_line(line))
-    if as_json:
-        write_json({"ok": True, **facts})
-    else:
-        write_stdout(f"{facts['folder']}\n")
+    write_result(facts, f"{facts['folder']}\n", as_json=as_json)

@@ -10,12 +10,15 @@ from types import FrameType
 from typing import Any
 
 _received: list[int] = []
+_kept: list[str] = []
+"""What an interrupted command has to say: not always that nothing was written."""
 
 
 @contextmanager
 def watch_signals() -> Iterator[None]:
     """Takes note of the signals; those that are ignored or handled by others are left alone."""
     _received.clear()
+    _kept.clear()
     before: dict[signal.Signals, Any] = {
         signal.SIGINT: signal.default_int_handler,
         signal.SIGTERM: signal.SIG_DFL,
@@ -56,3 +59,13 @@ def has_stop_signal() -> bool:
 def has_terminate_signal() -> bool:
     """Whether the signal was SIGTERM."""
     return signal.SIGTERM in _received
+
+
+def keep(word: str) -> None:
+    """Notes what is kept if the command is interrupted from now on; the last word counts."""
+    _kept[:] = [word]
+
+
+def get_note() -> str | None:
+    """What was noted last."""
+    return _kept[0] if _kept else None

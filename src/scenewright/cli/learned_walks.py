@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 from scenewright.errors import InputError
+from scenewright.geometry.map_areas import geos
 from scenewright.scene.base import FloatArray
 from scenewright.tools.fitting.custom_bundle import CustomBundle
 from scenewright.tools.fitting.fit_tracks import FrameChange, find_shifts
 from scenewright.tools.fitting.learn_walks import (
-    LegWalks,
     learn_crossings,
     learn_sidewalks,
     say_what_was_learned,
 )
 from scenewright.tools.map_import.assemble import assemble_map
 from scenewright.tools.map_import.quality_report import build_report
-from scenewright.tools.map_import.survey import Survey
 from scenewright.tools.map_import.survey_file import read_survey
 from scenewright.tools.track_io.track_files import FileTracks
 
@@ -42,7 +42,10 @@ def learn_walks(
         return bundle, [], {}
     place = bundle.intersection_map
     found, walks = learn_crossings(place, walkers), learn_sidewalks(place, walkers)
-    report = _read_report(bundle)
+    try:
+        report = json.loads((bundle.folder / "report.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        report = {}
     kept = [each["leg"] for each in report.get("crosswalks", ()) if each["origin"] == "file"]
     notes = say_what_was_learned(found, kept)
     moved = [each for each in found if each.leg not in kept and abs(each.moved) > _STAYS]
@@ -52,8 +55,10 @@ def learn_walks(
     if not (bundle.folder / _FILE).is_file():
         return bundle, [*notes, "import the map again to have that on it"], {}
     survey, options = read_survey((bundle.folder / _FILE).read_bytes())
+    lengths = {walk.leg: math.dist(*walk.centreline[:2]) for walk in place.crosswalks}
+    crossings = tuple(each.build_crossing(lengths[each.leg]) for each in moved)
     made = assemble_map(
-        _add_walks(survey, moved, walks, bundle),
+        replace(survey, crossings=(*survey.crossings, *crossings), walks=(*survey.walks, *walks)),
         options["map_format"],
         name=place.name, extent=place.extent, title=place.title, signals=str(options["signals"]),
     )  # fmt: skip
@@ -62,7 +67,7 @@ def learn_walks(
     facts = build_report(made.items, made.crosswalks, made.notes)
     content = json.dumps(facts, indent=1, ensure_ascii=False) + "\n"
     changed = replace(bundle, intersection_map=made.intersection_map, route_lines=made.route_lines)
-    area = sum(abs(_measure_area(outline)) for outline in walks)
+    area = sum(geos.Polygon(outline).area for outline in walks)
     more = [f"sidewalks: {area:.0f} m² beside the derived ones, where people walk"] if walks else []
     return changed, [*notes, *more], {"report.json": content.encode()}
 
@@ -71,38 +76,9 @@ def _list_walkers(
     bundle: CustomBundle, files: Sequence[FileTracks], frame: FrameChange
 ) -> list[FloatArray]:
     """[T, 2] of each pedestrian, in the map's frame [m]."""
-    if all(kind != "pedestrian" for file in files for kind, _ in file.tracks):
+    on_foot = [(file.name, track.xy) for file in files for kind, track in file.tracks
+               if kind == "pedestrian"]  # fmt: skip
+    if not on_foot:
         return []
     shifts = find_shifts(bundle.intersection_map, bundle.route_lines, files, frame)
-    return [
-        track.xy + shifts[file.name]
-        for file in files
-        for kind, track in file.tracks
-        if kind == "pedestrian"
-    ]
-
-
-def _read_report(bundle: CustomBundle) -> dict[str, list[dict[str, str]]]:
-    try:
-        return dict(json.loads((bundle.folder / "report.json").read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        return {}
-
-
-def _add_walks(
-    survey: Survey, moved: Sequence[LegWalks], walks: Sequence[FloatArray], bundle: CustomBundle
-) -> Survey:
-    lengths = {
-        walk.leg: float(
-            ((walk.centreline[1][0] - walk.centreline[0][0]) ** 2
-             + (walk.centreline[1][1] - walk.centreline[0][1]) ** 2) ** 0.5
-        )
-        for walk in bundle.intersection_map.crosswalks
-    }  # fmt: skip
-    crossings = tuple(each.build_crossing(lengths[each.leg]) for each in moved)
-    return replace(survey, crossings=(*survey.crossings, *crossings), walks=(*survey.walks, *walks))
-
-
-def _measure_area(outline: FloatArray) -> float:
-    x, y = outline.T
-    return float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum()) / 2
+    return [xy + shifts[name] for name, xy in on_foot]

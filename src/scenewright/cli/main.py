@@ -8,6 +8,7 @@ good, 70 a fault in scenewright itself, 130 interrupted.
 from __future__ import annotations
 
 import gc
+import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -20,12 +21,9 @@ import typer
 
 from scenewright.cli.agent import run_agent
 from scenewright.cli.author import author
-from scenewright.cli.backend_options import ModelOptions
-from scenewright.cli.batch import make_batch
+from scenewright.cli.batch import make_batch, sweep
 from scenewright.cli.catalogue import catalogue
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
-from scenewright.cli.check import check_installation
-from scenewright.cli.common_options import Json, Quiet, spread_options
 from scenewright.cli.console import (
     ReaderGoneError,
     abandon_stdout,
@@ -33,10 +31,11 @@ from scenewright.cli.console import (
     log_line,
     show_progress,
     write_json,
+    write_result,
     write_stdout,
 )
 from scenewright.cli.coverage import show_coverage
-from scenewright.cli.dataset import dataset
+from scenewright.cli.dataset import dataset, export
 from scenewright.cli.drive import drive
 from scenewright.cli.errors import (
     INTERRUPTED,
@@ -45,42 +44,29 @@ from scenewright.cli.errors import (
     UNUSABLE,
     to_cli_error,
 )
-from scenewright.cli.evals import evals
-from scenewright.cli.export import export
+from scenewright.cli.evals import evals, score_satisfaction
 from scenewright.cli.find import find
-from scenewright.cli.import_commands import (
-    export_map,
-    fit,
-    import_map_file,
-    show_junctions,
-    simulate,
-)
-from scenewright.cli.interruption import forget, get_note
-from scenewright.cli.interrupts import watch_signals
-from scenewright.cli.intersection_options import TrainOptions
+from scenewright.cli.import_commands import intersections
+from scenewright.cli.interrupts import get_note, watch_signals
 from scenewright.cli.make import MakeOptions, make_scene, read_request
+from scenewright.cli.options import Commands, Json, ModelOptions, Quiet, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.cli.planner import planner
-from scenewright.cli.satisfaction import score_satisfaction
 from scenewright.cli.serve import serve
-from scenewright.cli.sweep import sweep
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
 from scenewright.cli.views import ViewKind
-from scenewright.cli.warm import warm
+from scenewright.cli.warm import check_installation, warm
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file
 from scenewright.graph.collector import HARDLY_EVER
 
-app = typer.Typer(
+app = Commands(
     name="scenewright",
     help="An instruction in plain language in, a verified traffic scene out.",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-)
-intersections = typer.Typer(
-    name="intersections", help="The intersections that scenes can be made at."
 )
 app.command("batch")(make_batch)
 app.command()(sweep)
@@ -90,11 +76,6 @@ app.command("check")(check_installation)
 evals.command("satisfaction")(score_satisfaction)
 evals.command("tables")(print_tables)
 app.command("agent")(run_agent)
-intersections.command("import")(import_map_file)
-intersections.command("junctions")(show_junctions)
-intersections.command("export")(export_map)
-intersections.command("simulate")(simulate)
-intersections.command("fit")(fit)
 app.add_typer(intersections)
 evals.command("understanding")(score_understanding)
 app.add_typer(evals)
@@ -125,11 +106,9 @@ def _start(
 
 
 @app.command()
-@spread_options
 def make(
-    text: Annotated[
-        str, typer.Argument(help="What shall happen, or a plan as a .yaml file; `-` is stdin.")
-    ],
+    *,
+    text: str = argument(..., "What shall happen, or a plan as a .yaml file; `-` is stdin."),
     options: MakeOptions,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -144,46 +123,30 @@ def make(
         log_line(f"warning: {warning}")
     if not quiet:
         _log_summary([f"  {made.folder}: {', '.join(made.files)}"])
-    if as_json:
-        write_json(made.to_json())
-    else:
-        write_stdout(f"{made.folder}\n")
+    write_result(made.to_json(), f"{made.folder}\n", as_json=as_json)
 
 
 def _log_summary(lines: list[str]) -> None:
     for line in lines:
-        log_line(
-            format_one_line(line) if not line.startswith(" ") else "  " + format_one_line(line)
-        )
+        log_line(("  " if line.startswith(" ") else "") + format_one_line(line))
 
 
 @app.command()
-@spread_options
 def plan(
     *,
-    rows: Annotated[
-        str,
-        typer.Argument(
-            metavar="IN", help="Rows (.jsonl; `-` is stdin), a plan to check (.yaml), or a text."
-        ),
-    ] = "-",
-    out: Annotated[
-        str, typer.Option(help="File to write; `-` is stdout.", callback=try_file)
-    ] = "-",
-    intersection: Annotated[
-        str | None, typer.Option(help="Where it happens; else four legs, in right-hand traffic.")
-    ] = None,
+    rows: str = argument(
+        "-", "Rows (.jsonl; `-` is stdin), a plan to check (.yaml), or a text.", metavar="IN"
+    ),
+    out: str = option("-", "File to write; `-` is stdout.", check=try_file),
+    intersection: str | None = option(
+        None, "Where it happens; else four legs, in right-hand traffic."
+    ),
     model: ModelOptions,
-    as_yaml: Annotated[
-        bool, typer.Option("--yaml", help="Write the plan of a text as a file to edit and make.")
-    ] = False,
-    as_osc: Annotated[
-        bool,
-        typer.Option("--osc-dsl", help="Write it in OpenSCENARIO DSL, with what it leaves open."),
-    ] = False,
-    schema: Annotated[
-        bool, typer.Option("--schema", help="Write the JSON Schema of plan files, for editors.")
-    ] = False,
+    as_yaml: bool = option(False, "Write the plan of a text as a file to edit and make.", "--yaml"),
+    as_osc: bool = option(
+        False, "Write it in OpenSCENARIO DSL, with what it leaves open.", "--osc-dsl"
+    ),
+    schema: bool = option(False, "Write the JSON Schema of plan files, for editors."),
     as_json: Json = False,
 ) -> None:
     """Read instructions, one JSON row each, and write what was understood, one row each.
@@ -199,7 +162,6 @@ def plan(
         plan_all,
         read_rows,
         sum_costs,
-        write_rows,
         write_text,
     )
     from scenewright.intersections import load_map
@@ -213,43 +175,31 @@ def plan(
         return
     if is_plan_file(rows):
         checked = check_plan_file(rows, intersection)
-        if as_json:
-            write_json({"ok": True, **checked})
-        else:
-            write_stdout(f"{checked['file']}: {checked['summary']}\n")
+        write_result(checked, f"{checked['file']}: {checked['summary']}\n", as_json=as_json)
         return
     calls: list[Call] = []
     intersection_map = None if intersection is None else load_map(intersection)
     planned = plan_all(read_rows(rows), backend, calls, intersection_map=intersection_map)
-    write_rows(out, planned)
+    write_text(out, "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in planned))
     refused = sum(row["refused"] for row in planned)
     paid = sum_costs(calls)
     cost = "".join(f", {count} {name.replace('_', ' ')}" for name, count in paid.items())
     log_line(f"{len(planned)} rows, {refused} refused{cost}")
-    if as_json:
-        write_json({"ok": True, "rows": len(planned), "refused": refused, "out": out, **paid})
-    elif out != "-":
-        write_stdout(f"{out}\n")
+    facts = {"rows": len(planned), "refused": refused, "out": out, **paid}
+    write_result(facts, "" if out == "-" else f"{out}\n", as_json=as_json)
 
 
 @app.command()
 def verify(
-    paths: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="PATH...", help="scene.json, folders of them, or tracks as .csv or .ndjson."
-        ),
-    ],
-    intersection: Annotated[
-        str | None,
-        typer.Option(help="Check against this map, not the one the scene names; tracks name none."),
-    ] = None,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict", help="Demand a proof.json that names the digest of the whole scene.json."
-        ),
-    ] = False,
+    paths: list[str] = argument(
+        ..., "scene.json, folders of them, or tracks as .csv or .ndjson.", metavar="PATH..."
+    ),
+    intersection: str | None = option(
+        None, "Check against this map, not the one the scene names; tracks name none."
+    ),
+    strict: bool = option(
+        False, "Demand a proof.json that names the digest of the whole scene.json."
+    ),
     as_json: Json = False,
 ) -> None:
     """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable.
@@ -282,34 +232,26 @@ def verify(
 
 @app.command()
 def show(
-    scenes: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="SCENE...",
-            help="A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
-        ),
-    ],
-    png: Annotated[
-        str | None,
-        typer.Option(metavar="F", help="Write a picture; of several scenes a contact sheet."),
-    ] = None,
-    html: Annotated[
-        str | None,
-        typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
-    ] = None,
-    gif: Annotated[str | None, typer.Option(metavar="F", help="Write an animation.")] = None,
-    mp4: Annotated[
-        str | None, typer.Option(metavar="F", help="Write a video (extra `video`, or ffmpeg).")
-    ] = None,
-    whole: Annotated[
-        bool, typer.Option("--whole", help="Animations go on to the end of the scene.")
-    ] = False,
+    scenes: list[str] = argument(
+        ...,
+        "A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
+        metavar="SCENE...",
+    ),
+    png: str | None = option(
+        None, "Write a picture; of several scenes a contact sheet.", metavar="F"
+    ),
+    html: str | None = option(
+        None, "Write a page that plays and explains it, to share.", metavar="F"
+    ),
+    gif: str | None = option(None, "Write an animation.", metavar="F"),
+    mp4: str | None = option(None, "Write a video (extra `video`, or ffmpeg).", metavar="F"),
+    whole: bool = option(False, "Animations go on to the end of the scene."),
 ) -> None:
     """Open a scene's recording in the rerun viewer, or write its views to files."""
     asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
     wanted = {kind: name for kind, name in asked.items() if name is not None}
     if wanted:
-        from scenewright.cli.show import write_views
+        from scenewright.cli.views import write_views
 
         write_views(scenes, wanted, whole=whole)
         write_stdout("".join(f"{name}\n" for name in wanted.values()))
@@ -319,69 +261,6 @@ def show(
     if len(scenes) > 1:
         raise InputError("one recording is opened at a time; --png F draws several scenes")
     open_recording(scenes[0])
-
-
-@intersections.command("list")
-def list_all(as_json: Json = False) -> None:
-    """List the intersections there are."""
-    from scenewright.cli.intersections import format_intersections, summarize_intersections
-
-    rows = summarize_intersections()
-    if as_json:
-        write_json({"ok": True, "intersections": rows})
-    else:
-        write_stdout(format_intersections(rows))
-
-
-@intersections.command("show")
-def show_one(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    png: Annotated[str | None, typer.Option(metavar="F", help="Draw the map to this file.")] = None,
-    samples: Annotated[
-        bool, typer.Option("--samples", help="In the picture, paths drawn from the priors too.")
-    ] = False,
-    rrd: Annotated[
-        str | None, typer.Option(metavar="F", help="Write it as a recording for the rerun viewer.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Say what an intersection has: legs, movements, crosswalks, signals."""
-    from scenewright.cli.intersections import describe_intersection, format_intersection
-
-    facts = describe_intersection(name)
-    if png is not None:
-        from scenewright.cli.custom_intersections import draw_own
-
-        draw_own(png, name, with_samples=samples)
-        facts = {**facts, "png": png}
-    if rrd is not None:
-        from scenewright.cli.custom_intersections import record_own
-
-        record_own(rrd, name)
-        facts = {**facts, "rrd": rrd}
-    if as_json:
-        write_json({"ok": True, **facts})
-    else:
-        write_stdout(format_intersection(facts))
-
-
-@intersections.command("train")
-@spread_options
-def train(
-    name: Annotated[str, typer.Argument(help="Its name.")],
-    options: TrainOptions,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Train an intersection's refiner; started again after a kill, it goes on where it was."""
-    from scenewright.cli.train import train_refiner
-
-    with show_progress(quiet=quiet) as log:
-        made = train_refiner(name, options, log=log)
-    if as_json:
-        write_json({"ok": True, "name": name, **made})
-    else:
-        write_stdout(f"{made['folder']}\n")
 
 
 _PREFIX = "SCENEWRIGHT_"
@@ -399,7 +278,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the words after the program's name; None takes the process's own.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    forget()
     for name in sorted(os.environ):
         rest = name.removeprefix(_PREFIX)
         if rest != name and rest not in _VARIABLES:

@@ -8,13 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
-from scenewright.cli.backend_options import Lawful, MaxAgents, ModelOptions, TimeLimit
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.output_folder import fill_folder, target_folder, try_folder
+from scenewright.cli.options import Lawful, MaxAgents, ModelOptions, TimeLimit, option
+from scenewright.cli.output_folder import fill_folder, shorten_path, target_folder, try_folder
 from scenewright.cli.views import ViewKind, add_views, write_view
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file
@@ -35,42 +33,28 @@ OFFERED = 8
 class MakeOptions:
     """How `make` makes a scene, and what it writes."""
 
-    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120"
+    intersection: str = option("amsterdam_120", "Where it happens.")
     model: ModelOptions
     time_limit: TimeLimit = DEFAULT_LIMIT
-    seed: Annotated[int, typer.Option(help="The same seed makes the same scene.")] = 0
-    refiner: Annotated[
-        str,
-        typer.Option(
-            help="Learned refinement of the tracks, or none.", envvar="SCENEWRIGHT_REFINER"
-        ),
-    ] = "trajnet"
-    selection: Annotated[
-        Literal["draw", "map"],
-        typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
-    ] = "draw"
-    profile: Annotated[
-        Literal["full", "paper"],
-        typer.Option(help="Keys of scene.json: all, or those of the paper's Listing 1 alone."),
-    ] = "full"
-    out: Annotated[
-        str | None, typer.Option(help="Folder to write; scenes/ID if none is named.")
-    ] = None
-    force: Annotated[
-        bool, typer.Option("--force", help="Write into a folder that holds other files, too.")
-    ] = False
-    lenient: Annotated[
-        bool,
-        typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
-    ] = False
+    seed: int = option(0, "The same seed makes the same scene.")
+    refiner: str = option(
+        "trajnet", "Learned refinement of the tracks, or none.", envvar="SCENEWRIGHT_REFINER"
+    )
+    selection: Literal["draw", "map"] = option(
+        "draw", "Draw among the combinations that fit, or take the likeliest."
+    )
+    profile: Literal["full", "paper"] = option(
+        "full", "Keys of scene.json: all, or those of the paper's Listing 1 alone."
+    )
+    out: str | None = option(None, "Folder to write; scenes/ID if none is named.")
+    force: bool = option(False, "Write into a folder that holds other files, too.")
+    lenient: bool = option(False, "Leave out words that cannot be realised, and list them.")
     max_agents: MaxAgents = None
     lawful: Lawful = False
-    gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False
-    html: Annotated[
-        bool, typer.Option("--html", help="Add a page that plays and explains it, scene.html.")
-    ] = False
-    no_picture: Annotated[bool, typer.Option("--no-picture", help="No scene.png.")] = False
-    no_recording: Annotated[bool, typer.Option("--no-recording", help="No scene.rrd.")] = False
+    gif: bool = option(False, "Add an animation, scene.gif.")
+    html: bool = option(False, "Add a page that plays and explains it, scene.html.")
+    no_picture: bool = option(False, "No scene.png.")
+    no_recording: bool = option(False, "No scene.rrd.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,12 +164,6 @@ def choose_folder_name(scene_id: str) -> str:
     """A scene id as a plain file name: it derives from text of any origin."""
     slug = re.sub(r"[^a-z0-9_]+", "-", scene_id.lower()).strip("-")[:80].rstrip("-")
     return slug or "scene"
-
-
-def shorten_path(target: Path) -> Path:
-    """Relative where that is shorter to read."""
-    here = Path.cwd()
-    return target.relative_to(here) if target.is_relative_to(here) else target
 
 
 def _add_views(

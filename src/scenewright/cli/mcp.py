@@ -8,27 +8,25 @@ and the tools of `nodes/toolbox.py` make one step by step.
 
 from __future__ import annotations
 
-import re
+import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from scenewright.errors import InputError, Unsatisfiable
+from scenewright.cli.sessions import list_versions, open_session
+from scenewright.cli.views import ViewKind, render_view
+from scenewright.errors import InputError, Unsatisfiable, describe_misfit
 from scenewright.extras import require_extra
-from scenewright.nodes.toolbox import AgentSegments
-from scenewright.scene.social import SocialGraph
-from scenewright.time_limit import DEFAULT_LIMIT, TimeLimitReachedError, limit_time
+from scenewright.nodes.toolbox import ToolState
+from scenewright.time_limit import TimeLimitReachedError, limit_time
 
 if TYPE_CHECKING:
     from mcp.server import MCPServer
 
     from scenewright.authoring.session import Session, SessionVersion
-    from scenewright.backends import Backend
-    from scenewright.cli.views import ViewKind
-    from scenewright.nodes.toolbox import ToolState
+    from scenewright.cli.options import SessionOptions
 
 _GUIDE = """\
 Makes verified traffic scenes at one intersection. make_scene takes an instruction in plain
@@ -38,49 +36,26 @@ start_scene, ground_plan, draw_candidates, solve, edit_segments, refine, check_s
 """
 
 
-@dataclass(frozen=True)
-class ServerOptions:
-    """What the server works with.
+def build_server(options: SessionOptions, *, thread: str, out: str | None) -> MCPServer[Any]:
+    """The server with its tools, not yet running.
 
-    Attributes:
-        out: folder that scenes are kept in; None: nowhere.
-        time_limit: longest that a call may compute [s].
-        lawful: scenes in which an agent runs a red light unasked are refused.
-    """
-
-    threads: str | None
-    thread: str
-    intersection: str
-    backend: Backend
-    seed: int
-    out: str | None
-    time_limit: float = DEFAULT_LIMIT
-    lawful: bool = False
-
-
-def serve(served: ServerOptions) -> None:
-    """Serves on stdin and stdout until the client hangs up.
+    Args:
+        thread: that the tools work on at first; out: folder that scenes are kept in; None: nowhere.
 
     Raises:
         InputError: the package `mcp` is not installed, or the thread cannot be used.
     """
-    build_server(served).run("stdio")
-
-
-def build_server(served: ServerOptions) -> MCPServer[Any]:
-    """The server with its tools, not yet running."""
     require_extra("mcp", "serving tools", "mcp")
     from mcp.server import MCPServer
 
     server: MCPServer[Any] = MCPServer("scenewright", instructions=_GUIDE, log_level="WARNING")
-    desk = _ClientState(served)
+    desk = _ClientState(options, thread=thread, out=out)
     for tool in (
         desk.make_scene, desk.make_planned_scene, desk.edit_scene, desk.edit_by_hand,
         desk.undo, desk.redo, desk.branch,
         desk.show_scene, desk.list_versions, desk.list_threads, desk.open_thread,
         desk.explain_refusal, desk.verify_scene, desk.scene_json, desk.save_scene,
-        desk.start_scene, desk.ground_plan, desk.draw_candidates, desk.check_program, desk.solve,
-        desk.edit_segments, desk.refine, desk.check_scene, desk.record_scene,
+        desk.start_scene, *desk.list_steps(),
         desk.measure_coverage, desk.read_catalogue, desk.find_scenarios,
     ):  # fmt: skip
         server.add_tool(tool, structured_output=True)
@@ -94,6 +69,10 @@ def build_server(served: ServerOptions) -> MCPServer[Any]:
     return server
 
 
+_STEPS = (
+    "ground_plan", "draw_candidates", "check_program", "solve", "edit_segments", "refine",
+    "check_scene", "record_scene",
+)  # fmt: skip
 Tool = TypeVar("Tool", bound=Callable[..., dict[str, Any]])
 
 
@@ -117,37 +96,10 @@ def _refuse_unusable(tool: Tool) -> Tool:
 class _ClientState:
     """The conversation and the tool state of one client."""
 
-    def __init__(self, served: ServerOptions) -> None:
-        self._served = served
+    def __init__(self, options: SessionOptions, *, thread: str, out: str | None) -> None:
+        self._options, self._out, self._backend = options, out, options.model.load()
         self._bench: ToolState | None = None
-        self._open(served.thread)
-
-    def _open(self, thread: str) -> None:
-        """The session of a thread, held by this process alone; InputError if another has it."""
-        from scenewright.authoring.session import Session
-        from scenewright.cli.user_folders import find_threads_file
-        from scenewright.graph.run import choose_refiner
-        from scenewright.memory.threads import Threads
-
-        served, threads = self._served, Threads(find_threads_file(self._served.threads))
-        try:
-            threads.hold(thread)
-        except InputError:
-            threads.close()
-            raise
-        self._threads = threads
-        self._session: Session = Session(
-            threads,
-            thread,
-            backend=served.backend,
-            setting={
-                "intersection": served.intersection,
-                "seed": served.seed,
-                "refiner": choose_refiner(None),
-            },
-            time_limit=served.time_limit,
-            lawful=served.lawful,
-        )
+        self._threads, self._session = open_session(options, thread, self._backend)
 
     def make_scene(self, instruction: str) -> dict[str, Any]:
         """A new scene from an instruction, such as "A car yields to a pedestrian at 8 am"."""
@@ -173,7 +125,7 @@ class _ClientState:
         from scenewright.cli.coverage import read_encounters, to_json
         from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 
-        scenes, encounters = read_encounters([self._served.out or "nowhere"])
+        scenes, encounters = read_encounters([self._out or "nowhere"])
         covered = measure_coverage(encounters, None if goals is None else read_goals(goals))
         return {"ok": True, "scenes": scenes, "items": list(map(to_json, covered))}
 
@@ -196,7 +148,7 @@ class _ClientState:
         if limit < 1:
             raise InputError("limit is a whole number above 0")
         try:
-            with limit_time(self._served.time_limit):
+            with limit_time(self._options.time_limit):
                 found = search(query, paths, intersection, limit=limit, lenient=lenient)
         except TimeLimitReachedError as error:
             return _build_refusal("time_limit", str(error))
@@ -232,12 +184,7 @@ class _ClientState:
 
     def list_versions(self) -> dict[str, Any]:
         """All versions with their words; scene://version/N/picture.png shows one."""
-        state = self._session.state
-        rows = [
-            {"version": each["number"], "from": each["parent"], "words": each["words"]}
-            for each in state.get("versions", [])
-        ]
-        return {"ok": True, "versions": rows, "current": state.get("current")}
+        return {"ok": True, **list_versions(self._session)}
 
     def list_threads(self) -> dict[str, Any]:
         """The names of all conversations, last used first, and which one is open."""
@@ -247,12 +194,10 @@ class _ClientState:
     @_refuse_unusable
     def open_thread(self, thread: str) -> dict[str, Any]:
         """Goes over to a conversation; one that is not there begins empty."""
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
-            raise InputError("a thread's name has up to 64 letters, digits, ., - and _")
         with self._take_turn() as session:
-            before = self._threads
             if thread != session.thread:
-                self._open(thread)
+                before = self._threads
+                self._threads, self._session = open_session(self._options, thread, self._backend)
                 before.close()
             return {"ok": True, "thread": thread, "current": self._session.state.get("current")}
 
@@ -273,15 +218,8 @@ class _ClientState:
         return self._find(version).proof_json.decode()
 
     def _view(self, version: str, kind: ViewKind) -> bytes:
-        import tempfile
-
-        from scenewright.cli.views import write_view
-
         shown = self._find(version)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "view"
-            write_view(kind, path, shown.record, shown.proof)
-            return path.read_bytes()
+        return render_view(kind, shown.record, shown.proof)
 
     def _find(self, version: str) -> SessionVersion:
         shown = self._session.find_version(None if version == "current" else version)
@@ -320,9 +258,7 @@ class _ClientState:
             shown = self._find("current").record if scene is None else scene
             proof = verify(SceneRecord.model_validate(shown))
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise InputError(f"this is no scene: {where}: {first['msg']}") from error
+            raise InputError(f"this is no scene: {describe_misfit(error)}") from error
         return {"ok": True, "verdict": proof.verdict, "caveat": proof.caveat,
                 **proof.model_dump(mode="json", by_alias=True)}  # fmt: skip
 
@@ -334,13 +270,13 @@ class _ClientState:
     @_refuse_unusable
     def save_scene(self) -> dict[str, Any]:
         """Writes the current version to a folder under the one that the server was started with."""
-        from scenewright.cli.save import save_version
+        from scenewright.cli.views import save_version
 
         shown = self._find("current")
-        if self._served.out is None:
+        if self._out is None:
             raise InputError("the server was started without --out, so nothing is kept")
         name = f"{self._session.thread}-{shown.version['number']}"
-        folder, files, _ = save_version(shown, str(Path(self._served.out) / name))
+        folder, files, _ = save_version(shown, str(Path(self._out) / name))
         return {"ok": True, "folder": str(folder), "files": files}
 
     def start_scene(self, instruction: str, seed: int = 0) -> dict[str, Any]:
@@ -349,43 +285,25 @@ class _ClientState:
 
         if not 0 <= seed < 2**63:
             return _build_refusal("unusable_input", "a seed is a whole number from 0 to 2^63 - 1")
-        intersection_map = self._served.intersection
+        intersection_map = self._options.intersection
         self._bench = build_tool_state(
             instruction, intersection=intersection_map, seed=seed, record=self._keep
         )
         return {"ok": True, "next": "ground_plan"}
 
-    def ground_plan(self, plan: SocialGraph) -> dict[str, Any]:
-        """Map grounding: binds the agents and relations of a plan to the map."""
-        return self._step("ground_plan", plan=plan)
+    def list_steps(self) -> Iterator[Any]:
+        """The tools that make a scene step by step, each as `ToolState` has it."""
+        for name in _STEPS:
+            method = getattr(ToolState, name)
+            signature = inspect.signature(method, eval_str=True)
+            own = [each for each in signature.parameters.values() if each.name != "self"]
 
-    def draw_candidates(self) -> dict[str, Any]:
-        """GMM sampler: draws the background agents, and candidate paths for all agents."""
-        return self._step("draw_candidates")
+            @wraps(method)
+            def run(name: str = name, **arguments: Any) -> dict[str, Any]:
+                return self._step(name, **arguments)
 
-    def check_program(self, program: str) -> dict[str, Any]:
-        """DSL validator: reads a constraint program; says where it leaves the language."""
-        return self._step("check_program", program=program)
-
-    def solve(self, program: str | None = None) -> dict[str, Any]:
-        """DSL validator: candidates, times and standstills under which all clauses hold."""
-        return self._step("solve", program=program)
-
-    def edit_segments(self, agents: list[AgentSegments] | None = None) -> dict[str, Any]:
-        """Segment editor: keep, stop, proceed, terminate, at anchors; empty: as suggested."""
-        return self._step("edit_segments", agents=agents)
-
-    def refine(self) -> dict[str, Any]:
-        """TrajNet++ refiner: turns the edited priors into final tracks."""
-        return self._step("refine")
-
-    def check_scene(self) -> dict[str, Any]:
-        """Relation checker: looks at the final tracks and decides."""
-        return self._step("check_scene")
-
-    def record_scene(self) -> dict[str, Any]:
-        """Recorder: keeps the verified scene under the folder that the server was started with."""
-        return self._step("record_scene")
+            run.__signature__ = signature.replace(parameters=own)  # type: ignore[attr-defined]
+            yield run
 
     def _step(self, name: str, **arguments: Any) -> dict[str, Any]:
         from scenewright.errors import Rejected
@@ -393,7 +311,7 @@ class _ClientState:
         if self._bench is None:
             return _build_refusal("unusable_input", "no scene was started; call start_scene first")
         try:
-            with self._take_turn(), limit_time(self._served.time_limit):
+            with self._take_turn(), limit_time(self._options.time_limit):
                 return {"ok": True, **getattr(self._bench, name)(**arguments)}
         except TimeLimitReachedError as error:
             return _build_refusal("time_limit", str(error))
@@ -406,9 +324,9 @@ class _ClientState:
         from scenewright.files import write_atomically
         from scenewright.graph.run import encode_proof, encode_scene, make_folder
 
-        if self._served.out is None:
+        if self._out is None:
             return "nowhere: the server was started without --out"
-        folder = make_folder(Path(self._served.out) / record.meta.scene_id)
+        folder = make_folder(Path(self._out) / record.meta.scene_id)
         write_atomically(folder / "proof.json", encode_proof(proof))
         write_atomically(folder / "scene.json", encode_scene(record))
         return str(folder)
@@ -435,7 +353,5 @@ class _ClientState:
         if reply["kind"] == "refused":
             return {"ok": False, **reply}
         if shown is None:
-            return _build_refusal(
-                "unusable_input", str(reply.get("reason", "there is no scene yet"))
-            )
+            return _build_refusal("unusable_input", reply.get("reason", "there is no scene yet"))
         return {"ok": True, **reply, "version": shown.version["number"], **build_facts(shown)}

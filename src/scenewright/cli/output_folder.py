@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from scenewright.errors import InputError
 
@@ -89,6 +90,28 @@ def target_folder(path: str, *, force: bool | None) -> Path:
     return target
 
 
+def write_report(folder: str | Path, name: str, page: str, values: Mapping[str, Any]) -> Path:
+    """Writes a report as NAME.json and NAME.md into a folder, which it returns.
+
+    Raises:
+        InputError: the folder cannot be made, or a file not be written.
+    """
+    from scenewright.files import write_atomically
+    from scenewright.graph.run import make_folder
+
+    target = make_folder(folder)
+    data = json.dumps(values, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+    write_atomically(target / f"{name}.json", data.encode("utf-8", "backslashreplace"))
+    write_atomically(target / f"{name}.md", page.encode("utf-8", "backslashreplace"))
+    return target
+
+
+def shorten_path(target: Path) -> Path:
+    """Relative where that is shorter to read."""
+    here = Path.cwd()
+    return target.relative_to(here) if target.is_relative_to(here) else target
+
+
 def _is_replaceable(target: Path) -> bool:
     """Empty, or nothing but an earlier scene."""
     found = {entry.name for entry in target.iterdir()}
@@ -107,34 +130,23 @@ def fill_folder(target: Path) -> Iterator[Path]:
     made: list[Path] = []
     part: Path | None = None
     try:
-        made = _make_parents(target)
+        made = [each for each in target.parents if not each.exists()]
+        target.parent.mkdir(parents=True, exist_ok=True)
         part = _make_staging(target)
         yield part
         _publish(part, target)
         made = []
-    except OSError as error:
-        raise _describe_unwritable(target, error) from error
-    except InputError as error:
-        if isinstance(error.__cause__, OSError):
-            raise _describe_unwritable(target, error.__cause__) from error
-        raise
+    except (OSError, InputError) as error:
+        fault = error if isinstance(error, OSError) else error.__cause__
+        if not isinstance(fault, OSError):
+            raise
+        raise InputError(f"cannot write {target}: {fault.strerror or fault}") from error
     finally:
         if part is not None:
             shutil.rmtree(part, ignore_errors=True)
-        for folder in reversed(made):
+        for folder in made:
             with suppress(OSError):
                 folder.rmdir()
-
-
-def _describe_unwritable(target: Path, error: OSError) -> InputError:
-    return InputError(f"cannot write {target}: {error.strerror or error}")
-
-
-def _make_parents(target: Path) -> list[Path]:
-    """The parents that were missing, outermost first."""
-    missing = [each for each in target.parents if not each.exists()][::-1]
-    target.parent.mkdir(parents=True, exist_ok=True)
-    return missing
 
 
 def _make_staging(target: Path) -> Path:
@@ -152,30 +164,21 @@ def _make_staging(target: Path) -> Path:
 
 
 def _publish(part: Path, target: Path) -> None:
+    """Moves a folder to its place; the files of one that must stay are replaced, each whole."""
     if not target.exists():
         part.rename(target)
     elif part.parent == target or target == Path.cwd() or not _is_replaceable(target):
-        _fill(part, target)
+        for name in SCENE_FILES:
+            if (part / name).exists():
+                os.replace(part / name, target / name)
+            else:
+                (target / name).unlink(missing_ok=True)
     else:
-        _swap(part, target)
-
-
-def _swap(part: Path, target: Path) -> None:
-    """Puts the new folder in the place of the old one, which is gone only after that."""
-    old = part.with_suffix(".old")
-    target.rename(old)
-    try:
-        part.rename(target)
-    except BaseException:
-        old.rename(target)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _fill(part: Path, target: Path) -> None:
-    """Moves the files into a folder that must stay, each whole."""
-    for name in SCENE_FILES:
-        if (part / name).exists():
-            os.replace(part / name, target / name)
-        else:
-            (target / name).unlink(missing_ok=True)
+        old = part.with_suffix(".old")  # gone only after the new one is in its place
+        target.rename(old)
+        try:
+            part.rename(target)
+        except BaseException:
+            old.rename(target)
+            raise
+        shutil.rmtree(old, ignore_errors=True)

@@ -22,7 +22,7 @@ from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
 
 if TYPE_CHECKING:
-    from scenewright.scene.plan_file import LogicalPlan
+    pass
 
 Account = Callable[[Call], None]
 ATTEMPTS = 3
@@ -70,9 +70,25 @@ def plan_rows(
     Raises:
         BackendFault: the backend failed for good.
     """
-    for row, plan in zip(
-        rows, _plan_in_batches(rows, backend, intersection_map, account), strict=True
-    ):
+    from scenewright.backends import get_backend_of_task
+
+    def plan_one(row: Any) -> Plan:
+        """A bug that one text brings out must not cost all the other rows."""
+        if fault := _find_fault(row):
+            return build_refusal(fault)
+        try:
+            return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
+        except BackendFault:
+            raise
+        except Exception as error:
+            if os.environ.get("SCENEWRIGHT_TRACEBACK"):
+                raise
+            reason = to_cli_error(error).reason
+            log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
+            return build_refusal(reason)
+
+    many = int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1))
+    for row, plan in zip(rows, _map_in_threads(plan_one, rows, many), strict=True):
         stop_if_asked()
         name = row.get("id") if isinstance(row, dict) else None
         # the id that a row came with, right or wrong, as far as one can be read from it
@@ -103,11 +119,8 @@ def plan(
     if isinstance(backend, str | Sequence | Mapping):
         backend = load_backend(backend)
     intersection_map = None if intersection is None else load_map(intersection)
-    (row,) = plan_rows(
-        [{"id": "", "text": text, "previous": previous}],
-        backend,
-        intersection_map=intersection_map,
-    )
+    rows = [{"id": "", "text": text, "previous": previous}]
+    (row,) = plan_rows(rows, backend, intersection_map=intersection_map)
     del row["id"]
     return row
 
@@ -124,10 +137,9 @@ def plan_all(
     Raises:
         BackendFault: the backend failed for good.
     """
+    account = calls.append
     try:
-        return list(
-            plan_rows(rows, backend, intersection_map=intersection_map, account=calls.append)
-        )
+        return list(plan_rows(rows, backend, intersection_map=intersection_map, account=account))
     except BackendFault as fault:
         from scenewright.graph.run import sum_costs_by_task
 
@@ -135,18 +147,13 @@ def plan_all(
         raise
 
 
-def _plan_in_batches(
-    rows: list[Any], backend: Backend, intersection_map: IntersectionMap | None, account: Account
-) -> Iterator[Plan]:
-    """The plans in order; several at a time for a backend that has to be awaited.
+def _map_in_threads(task: Callable[[Any], Plan], rows: list[Any], many: int) -> Iterator[Plan]:
+    """The results in order; several at a time for a backend that has to be awaited.
 
     The threads do not outlive an interruption, as those of an executor would.
     """
-    from scenewright.backends import get_backend_of_task
-
-    many = min(int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1)), len(rows))
-    if many <= 1:
-        yield from (_plan_one(row, backend, intersection_map, account) for row in rows)
+    if min(many, len(rows)) <= 1:
+        yield from map(task, rows)
         return
     replies: list[Future[Plan]] = [Future() for _ in rows]
     left = iter(list(zip(rows, replies, strict=True)))
@@ -159,31 +166,13 @@ def _plan_in_batches(
             if reply is None:
                 return
             try:
-                reply.set_result(_plan_one(row, backend, intersection_map, account))
+                reply.set_result(task(row))
             except BaseException as error:
                 reply.set_exception(error)
 
-    for _ in range(many):
+    for _ in range(min(many, len(rows))):
         threading.Thread(target=work, daemon=True).start()
     yield from (reply.result() for reply in replies)
-
-
-def _plan_one(
-    row: Any, backend: Backend, intersection_map: IntersectionMap | None, account: Account
-) -> Plan:
-    """The row's plan. A bug that one text brings out must not cost all the other rows."""
-    if fault := _find_fault(row):
-        return build_refusal(fault)
-    try:
-        return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
-    except BackendFault:
-        raise
-    except Exception as error:
-        if os.environ.get("SCENEWRIGHT_TRACEBACK"):
-            raise
-        reason = to_cli_error(error).reason
-        log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
-        return build_refusal(reason)
 
 
 def sum_costs(calls: list[Call]) -> dict[str, int]:
@@ -350,15 +339,6 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         left = "; ".join(f"{name}: {what}" for name, what in open_.items())
         words = f"For example: {words} Left open: {left}."
     return {"file": path, "summary": words, "as_read": given.as_read, "open": open_}
-
-
-def write_rows(path: str, rows: list[dict[str, Any]]) -> None:
-    """The rows as lines of JSON, the file whole or not at all; `-` is stdout.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    write_text(path, "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows))
 
 
 def write_text(path: str, text: str) -> None:

@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.common_options import Json
-from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
+from scenewright.cli.console import log_line, show_progress, write_result
+from scenewright.cli.errors import UNUSABLE
+from scenewright.cli.options import Commands, Json, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.errors import InputError
 
-planner = typer.Typer(name="planner", help="Train the builtin planner on annotated instructions.")
+planner = Commands(name="planner", help="Train the builtin planner on annotated instructions.")
 Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Annotated instructions.")]
 
 
@@ -25,34 +26,25 @@ def check(
     from scenewright.backends.builtin.training.corpus import find_faults
 
     faults = [f"{path}: {fault}" for path in files for fault in find_faults(path)]
-    if as_json:
-        write_json({"ok": not faults, "faults": faults})
+    text = "" if faults else "no faults\n"
+    write_result({"ok": not faults, "faults": faults}, text, as_json=as_json)
     for fault in faults:
         log_line(fault)
     if faults:
-        raise typer.Exit(2)
-    if not as_json:
-        write_stdout("no faults\n")
+        raise typer.Exit(UNUSABLE)
 
 
 @planner.command()
 def train(
-    files: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[FILE...]", help="Your annotated instructions, if any."),
-    ] = None,
-    out: Annotated[
-        Path, typer.Option(help="File to write the weights to.", callback=try_file)
-    ] = Path("planner.safetensors"),
-    minilm: Annotated[
-        Path | None,
-        typer.Option(help="Folder of all-MiniLM-L6-v2, to train from the beginning."),
-    ] = None,
-    steps: Annotated[
-        int | None,
-        typer.Option(help="Training steps; 400 to fine-tune, 8,000 from the beginning."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="The same seed, the same weights.")] = 0,
+    files: list[Path] | None = argument(
+        None, "Your annotated instructions, if any.", metavar="[FILE...]"
+    ),
+    out: Path = option(
+        Path("planner.safetensors"), "File to write the weights to.", check=try_file
+    ),
+    minilm: Path | None = option(None, "Folder of all-MiniLM-L6-v2, to train from the beginning."),
+    steps: int | None = option(None, "Training steps; 400 to fine-tune, 8,000 from the beginning."),
+    seed: int = option(0, "The same seed, the same weights."),
     as_json: Json = False,
 ) -> None:
     """Train the planner's reader; the same command goes on with a run that was stopped.
@@ -76,7 +68,4 @@ def train(
             steps=steps or (400 if minilm is None else 8000), seed=seed,
             log=lambda line: log("training", line),
         )  # fmt: skip
-    if as_json:
-        write_json({"ok": True, "rows": rows, "out": str(out)})
-    else:
-        write_stdout(f"{out}\n")
+    write_result({"rows": rows, "out": str(out)}, f"{out}\n", as_json=as_json)

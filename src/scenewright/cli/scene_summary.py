@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
-from scenewright.cli.console import format_one_line
+from scenewright.cli.console import count, format_one_line
+from scenewright.geometry.map_areas import geos
 from scenewright.scene.account import SaidRecord, SaidSpan, WordState
 from scenewright.scene.base import Point
 from scenewright.scene.called import call_agents
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.kinds import get_kind
-from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import SceneRecord
 
@@ -82,9 +81,8 @@ def list_choices(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
 def format_verdict(proof: Proof) -> str:
     """The verdict with what stands beside it, and how many findings stand against the scene."""
     verdict = format_one_line(proof.describe_verdict())
-    against = len(list_findings(proof))
-    noun = "finding" if against == 1 else "findings"
-    return verdict if proof.verified else f"{verdict} ({against} {noun})"
+    against = count(len(list_findings(proof)), "finding")
+    return verdict if proof.verified else f"{verdict} ({against})"
 
 
 def choose_style(*, verified: bool, caveat: str) -> str:
@@ -149,44 +147,17 @@ def name_agent(scene: SceneRecord, number: int) -> str:
 
 def place(spot: Point, intersection_map: IntersectionMap) -> str:
     """Where a place [m] is, as people say it."""
+    point = geos.Point(spot)
     for crosswalk in intersection_map.crosswalks:
-        if _is_near_polygon(spot, crosswalk.polygon):
+        if geos.Polygon(crosswalk.polygon).distance(point) <= KERB:
             return f"on the {crosswalk.leg} crosswalk"
     lanelet = min(
-        intersection_map.lanelets, key=lambda each: _measure_gap(spot, each), default=None
-    )
+        intersection_map.lanelets,
+        key=lambda each: float(geos.LineString(each.centreline).distance(point)), default=None,
+    )  # fmt: skip
     if lanelet is None or lanelet.leg is None:
         return "in the junction"
     return f"on the {lanelet.leg} leg"
-
-
-def _measure_gap(spot: Point, lanelet: Lanelet) -> float:
-    line = lanelet.centreline
-    return min(
-        (_measure_to_segment(spot, a, b) for a, b in pairwise(line)),
-        default=math.inf,
-    )
-
-
-def _is_near_polygon(spot: Point, ring: tuple[Point, ...]) -> bool:
-    """Inside, or within `KERB` of the edge."""
-    inside = False
-    for a, b in zip(ring, (*ring[1:], ring[0]), strict=True):
-        if _measure_to_segment(spot, a, b) <= KERB:
-            return True
-        if (a[1] > spot[1]) != (b[1] > spot[1]):
-            x = a[0] + (spot[1] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
-            inside ^= spot[0] < x
-    return inside
-
-
-def _measure_to_segment(spot: Point, a: Point, b: Point) -> float:
-    along = (b[0] - a[0], b[1] - a[1])
-    square = along[0] ** 2 + along[1] ** 2
-    offset = (spot[0] - a[0], spot[1] - a[1])
-    t = 0.0 if square == 0 else (offset[0] * along[0] + offset[1] * along[1]) / square
-    t = min(1.0, max(0.0, t))
-    return math.dist(spot, (a[0] + t * along[0], a[1] + t * along[1]))
 
 
 def _describe_unasked_runs(scene: SceneRecord, proof: Proof) -> list[str]:
@@ -224,10 +195,6 @@ def _describe_background(scene: SceneRecord) -> str:
     vehicles, walkers = counts["vehicle"], counts["pedestrian"]
     meta = scene.meta
     return (
-        f"background: {_number(vehicles, 'vehicle')}, {_number(walkers, 'pedestrian')}; "
+        f"background: {count(vehicles, 'vehicle')}, {count(walkers, 'pedestrian')}; "
         f"{format_one_line(meta.time_of_day, limit=20)}, {meta.duration:g} s, seed {meta.seed}"
     )
-
-
-def _number(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -6,43 +6,29 @@ import secrets
 import socket
 import threading
 from contextlib import suppress
-from typing import Annotated
 
-import typer
-
-from scenewright.cli.backend_options import Lawful, ModelOptions, TimeLimit
-from scenewright.cli.common_options import spread_options
 from scenewright.cli.console import log_line
+from scenewright.cli.options import SessionOptions, option
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.extras import require_extra
-from scenewright.time_limit import DEFAULT_LIMIT, check_time_limit
+from scenewright.time_limit import check_time_limit
 
 HOST = "127.0.0.1"
 
 
-@spread_options
 def serve(
-    *,
-    intersection: Annotated[
-        str, typer.Option(help="Where new conversations begin.")
-    ] = "amsterdam_120",
-    model: ModelOptions,
-    time_limit: TimeLimit = DEFAULT_LIMIT,
-    lawful: Lawful = False,
-    seed: Annotated[int, typer.Option(help="Of everything drawn, in a new conversation.")] = 0,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8765,
-    threads: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Where conversations are kept.")
-    ] = None,
-    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    options: SessionOptions,
+    port: int = option(8765, "0 takes any free port.", min=0, max=65535),
+    open_: bool = option(False, "Open it in the browser.", "--open"),
 ) -> None:
     """Serve a page, to this machine alone, on which scenes are made and changed (extra `page`)."""
     require_extra("page", "serving a page", "starlette", "uvicorn")
     from scenewright.intersections import find_data_folder, load_map
 
+    intersection, time_limit = options.intersection, options.time_limit
     check_time_limit(time_limit)
     load_map(intersection)
-    backend = model.load()
+    backend = options.model.load()
     listener = _listen(port)
     port = listener.getsockname()[1]
     token = secrets.token_urlsafe(24)
@@ -51,24 +37,10 @@ def serve(
     log_line(f"open {address}\nCtrl-C ends it; conversations are kept")
     import uvicorn
 
-    from scenewright.cli.page.batches import Batches
-    from scenewright.cli.page.conversations import Conversations
-    from scenewright.cli.page.model_choice import ModelChoice
-    from scenewright.cli.page.own_maps import OwnMaps
     from scenewright.cli.page.server import Page, build_app
-    from scenewright.cli.user_folders import find_threads_file
 
-    conversations = Conversations(
-        str(find_threads_file(threads)), backend=backend, seed=seed, time_limit=time_limit,
-        lawful=lawful,
-    )  # fmt: skip
-    name = ", ".join(model.backend or ["builtin"])
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
-    batches = Batches(find_data_folder() / "page-batches", time_limit=time_limit, lawful=lawful)
-    page = Page(
-        conversations, choice=ModelChoice(conversations, name), intersection=intersection,
-        batches=batches, own_maps=OwnMaps(find_data_folder() / "page-maps"),
-    )  # fmt: skip
+    page = Page(options, backend, find_data_folder())
     config = uvicorn.Config(
         build_app(page, token=token, hosts=hosts), log_level="warning", lifespan="off",
         access_log=False,
@@ -82,8 +54,7 @@ def serve(
     try:
         uvicorn.Server(config).run(sockets=[listener])
     finally:
-        conversations.close()
-        batches.close()
+        page.close()
         warming.join()  # a thread that is cut off while it loads a library can hang the exit
 
 

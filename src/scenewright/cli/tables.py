@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.common_options import Json, Quiet
-from scenewright.cli.console import log_line, show_progress, write_json, write_stdout
-from scenewright.cli.output_folder import try_folder
+from scenewright.cli.console import log_line, show_progress, write_result
+from scenewright.cli.options import Json, Quiet, argument, option
+from scenewright.cli.output_folder import try_folder, write_report
 from scenewright.errors import InputError
 
 FOLDER = "evaluation"
@@ -24,18 +23,15 @@ RealTracks = Annotated[
 
 
 def print_tables(
-    folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")],
+    folder: str = argument(..., "Folder of the dataset.", metavar="DIR"),
     corpus: Corpus = None,
     taf_bw: RealTracks = None,
-    out: Annotated[
-        str | None,
-        typer.Option(help="Folder to write; DIR/evaluation if none is named.", callback=try_folder),
-    ] = None,
-    understanding: Annotated[
-        bool, typer.Option("--understanding/--no-understanding", help="Measure Table 3.")
-    ] = True,
-    draws: Annotated[int, typer.Option(min=10, help="Resamplings for the intervals.")] = 1000,
-    seed: Annotated[int, typer.Option(min=0, help="Of the resamplings.")] = 0,
+    out: str | None = option(
+        None, "Folder to write; DIR/evaluation if none is named.", check=try_folder
+    ),
+    understanding: bool = option(True, "Measure Table 3.", "--understanding/--no-understanding"),
+    draws: int = option(1000, "Resamplings for the intervals.", min=10),
+    seed: int = option(0, "Of the resamplings.", min=0),
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -54,11 +50,7 @@ def print_tables(
             seed=seed,
             log=lambda line: log("measuring", line),
         )
-    if as_json:
-        write_json({"ok": True, "out": str(target), **values})
-    else:
-        write_stdout(page)
-        log_line(f"written: {target}/tables.md, tables.json")
+    write_result({"out": str(target), **values}, page, as_json=as_json)
 
 
 def parse_path(name: str | None) -> Path | None:
@@ -78,14 +70,11 @@ def write_tables(
     """
     from scenewright.evals.tables.produce import make_tables
     from scenewright.evals.tables.report import format_markdown, to_json
-    from scenewright.files import write_atomically
-    from scenewright.graph.run import make_folder
 
-    try_folder(out or folder / FOLDER)
+    place = out or folder / FOLDER
+    try_folder(place)
     found = make_tables(folder, **options)
-    target = make_folder(out or folder / FOLDER)
     page, values = format_markdown(found), to_json(found)
-    data = json.dumps(values, ensure_ascii=False, indent=1, allow_nan=False)
-    write_atomically(target / "tables.json", (data + "\n").encode("utf-8"))
-    write_atomically(target / "tables.md", page.encode("utf-8"))
+    target = write_report(place, "tables", page, values)
+    log_line(f"written: {target}/tables.md, tables.json")
     return page, values, target

@@ -174,48 +174,31 @@ def _format_scenes(checked: list[Checked]) -> str:
     """A table of events and verdicts; below it what stands against a scene, and words not seen."""
     from rich import box
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("scene", "verdict", "event", "from", "to"):
         table.add_column(title, overflow="fold")
-    table.add_column("time", justify="right", no_wrap=True)
-    table.add_column("place", justify="right", no_wrap=True)
+    for title in ("time", "place"):
+        table.add_column(title, justify="right", no_wrap=True)
     for each in checked:
-        for row in _build_rows(each):
-            table.add_row(*row)
-    return render_table(table) + "".join(
-        line + "\n" for each in checked for line in _list_findings(each)
-    )
+        if each.scene is None or each.proof is None:
+            continue
+        style = choose_style(verified=each.proof.verified, caveat=each.proof.caveat)
+        head = Text(format_one_line(str(each.path))), Text(format_verdict(each.proof), style=style)
+        events = [_list_cells(event, each.scene) for event in each.proof.events]
+        for cells in events or [("normal", "", "", "", "")]:
+            table.add_row(*head, *map(Text, cells))
+            head = Text(""), Text("")
+    below = (line + "\n" for each in checked for line in _list_findings(each))
+    return render_table(table) + "".join(below)
 
 
-def _build_rows(checked: Checked) -> list[tuple[Any, ...]]:
-    from rich.text import Text
-
-    if checked.scene is None or checked.proof is None:
-        return []
-    style = choose_style(verified=checked.proof.verified, caveat=checked.proof.caveat)
-    head = (
-        Text(format_one_line(str(checked.path))),
-        Text(format_verdict(checked.proof), style=style),
-    )
-    tails = [_format_event(event, checked.scene) for event in checked.proof.events]
-    tails = tails or [(Text("normal"), Text(""), Text(""), Text(""), Text(""))]
-    blank = (Text(""), Text(""))
-    return [(*(blank if index else head), *tail) for index, tail in enumerate(tails)]
-
-
-def _format_event(event: Event, scene: SceneRecord) -> tuple[Any, ...]:
-    from rich.text import Text
-
-    words = event.type.replace("_", " ") + (f", {event.kind}" if event.kind else "")
+def _list_cells(event: Event, scene: SceneRecord) -> tuple[str, ...]:
+    words = (event.type + (f", {event.kind}" if event.kind else "")).replace("_", " ")
     x, y = event.location
-    return (
-        Text(words.replace("_", " ")),
-        Text(name_agent(scene, event.from_)),
-        Text(name_agent(scene, event.to)),
-        Text(f"{event.time:.1f} s"),
-        Text(f"({x:.1f}, {y:.1f})"),
-    )
+    agents = (name_agent(scene, each) for each in (event.from_, event.to))
+    return words, *agents, f"{event.time:.1f} s", f"({x:.1f}, {y:.1f})"
 
 
 def _list_findings(checked: Checked) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import format_columns, format_one_line
+from scenewright.cli.console import count, format_columns, format_one_line
 from scenewright.cli.scene_summary import describe_avoidability
 from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.external_events import ExternalTracks, RecordedEvents
@@ -132,9 +132,8 @@ def _format_headline(checked: CheckedTracks) -> str:
     if checked.found.contacts:
         counts["contact without a collision"] = len(checked.found.contacts)
     found = ", ".join(f"{n} {name}" for name, n in sorted(counts.items())) or "no events"
-    agents = len(set(checked.tracks.names.values()))
-    noun = "agent" if agents == 1 else "agents"
-    what = f"{agents} {noun}, {start:.1f} to {end:.1f} s every {step:.3g} s"
+    agents = count(len(set(checked.tracks.names.values())), "agent")
+    what = f"{agents}, {start:.1f} to {end:.1f} s every {step:.3g} s"
     return format_one_line(f"{checked.path}: {what}: {found}") + "\n"
 
 

@@ -1,17 +1,21 @@
-"""Views of a scene as files: picture, animation, page."""
+"""Views of a scene as files: picture, animation, page; and a version as a folder of files."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from scenewright.cli.console import format_one_line
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.errors import ScenewrightError
+from scenewright.cli.output_folder import fill_folder, shorten_path, target_folder
+from scenewright.errors import InputError, ScenewrightError
 from scenewright.extras import MissingPackageError
 
 if TYPE_CHECKING:
+    from scenewright.authoring.session import SessionVersion
     from scenewright.scene.events import Proof
     from scenewright.scene.record import SceneRecord
 
@@ -46,6 +50,18 @@ def add_views(
     return warnings
 
 
+def render(write: Callable[[Path], None]) -> bytes:
+    """The bytes of a file that is written by calling `write` with its path."""
+    with tempfile.TemporaryDirectory() as folder:
+        write(path := Path(folder) / "view")
+        return path.read_bytes()
+
+
+def render_view(kind: ViewKind, scene: SceneRecord, proof: Proof | None) -> bytes:
+    """The bytes of a view (see `write_view`)."""
+    return render(lambda path: write_view(kind, path, scene, proof))
+
+
 def write_view(
     kind: ViewKind, path: Path, scene: SceneRecord, proof: Proof | None, *, whole: bool = False
 ) -> None:
@@ -76,3 +92,69 @@ def write_view(
         from scenewright.viz.html_player import write_player
 
         write_player(path, scene=scene, proof=proof, intersection=intersection_map)
+
+
+def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], list[str]]:
+    """The folder, its files and what could not be added.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    from scenewright.files import write_atomically
+
+    target = target_folder(path, force=None)
+    with fill_folder(target) as part:
+        write_atomically(part / "scene.json", shown.scene_json)
+        write_atomically(part / "proof.json", shown.proof_json)
+        write_atomically(part / "provenance.json", shown.provenance_json)
+        draw = partial(write_view, "png", scene=shown.record, proof=shown.proof)
+        views = {"scene.png": draw, "scene.rrd": partial(record_version, shown)}
+        warnings = add_views(part, views)
+        files = sorted(entry.name for entry in part.iterdir())
+    return shorten_path(target), files, warnings
+
+
+def record_version(shown: SessionVersion, path: Path) -> None:
+    """The tracks and what was said; candidates and paths are not kept with a version."""
+    from scenewright.intersections import load_map
+    from scenewright.viz.recording import record_scene
+
+    record_scene(
+        path,
+        scene=shown.record,
+        proof=shown.proof,
+        intersection=load_map(shown.record.meta.intersection),
+        candidates=None,
+        priors=None,
+        messages=[("chat", words) for words in shown.version["text"].split("; then: ")],
+    )
+
+
+def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: bool) -> None:
+    """Writes the views that were asked for, kind -> file; of several scenes a contact sheet.
+
+    The proof is computed anew, so that a page never shows the proof of another scene.
+
+    Raises:
+        InputError: there is no scene, or a file cannot be written.
+    """
+    from scenewright.dataset.batch.manifest import MANIFEST, list_scenes
+    from scenewright.graph.run import load_scene, verify
+
+    folders = [Path(each) for each in scenes]
+    if (folders[0] / MANIFEST).is_file():
+        folders = [scene for each in folders for scene in list_scenes(each)]
+    elif len(folders) > 1:  # DIR/* names the dataset's tables and pictures as well
+        folders = [each for each in folders if (each / "scene.json").is_file()]
+    if folders != [Path(scenes[0])]:
+        if [*files] != ["png"]:
+            raise InputError("of several scenes there is a contact sheet alone: --png F")
+        from scenewright.viz.contact_sheet import draw_contact_sheet
+
+        records = ((each.name, load_scene(each)) for each in folders)
+        draw_contact_sheet(files["png"], ((name, scene, verify(scene)) for name, scene in records))
+        return
+    record = load_scene(scenes[0])
+    proof = verify(record)
+    for kind, name in files.items():
+        write_view(kind, Path(name), record, proof, whole=whole)

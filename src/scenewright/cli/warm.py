@@ -1,14 +1,18 @@
-"""`scenewright warm`: the innermost loops compiled, on two cores."""
+"""`scenewright check` and `warm`: whether scenes can be made here; the innermost loops compiled."""
 
 from __future__ import annotations
 
 import multiprocessing
+import platform
 import signal
 import time
 from typing import Any
 
-from scenewright.cli.common_options import Json, Quiet
-from scenewright.cli.console import show_progress, write_json, write_stdout
+import typer
+
+from scenewright.cli.console import say_if_new, show_progress, write_result
+from scenewright.cli.errors import NOT_VERIFIED
+from scenewright.cli.options import Json, Quiet, option
 
 LOOPS = 190
 """That both processes compile, for the progress."""
@@ -36,12 +40,9 @@ def warm(quiet: Quiet = False, as_json: Json = False) -> None:
     if helper.exitcode:
         raise RuntimeError(f"the second process of warm ended with code {helper.exitcode}")
     seconds, count = time.monotonic() - begin, len(names) + elsewhere.value
-    if as_json:
-        write_json({"ok": True, "compiled": count, "seconds": round(seconds, 1)})
-    elif count:
-        write_stdout(f"{count} loops compiled in {seconds:.0f} s, kept on disk\n")
-    else:
-        write_stdout("nothing to compile: all loops are kept on disk\n")
+    done = f"{count} loops compiled in {seconds:.0f} s, kept on disk\n"
+    text = done if count else "nothing to compile: all loops are kept on disk\n"
+    write_result({"compiled": count, "seconds": round(seconds, 1)}, text, as_json=as_json)
 
 
 def compile_last_stages(compiled: Any) -> None:
@@ -77,3 +78,31 @@ def compile_last_stages(compiled: Any) -> None:
             run_rollout(refiner.net, known, classes=both, waypoints=waypoints, keep=2, lead=3)
         tracks = read_csv("\n".join(["t,id,class,x,y", *rows]), name="warm")
         examine_tracks(tracks, intersection=DEFAULT_INTERSECTION)
+
+
+_TEXT = "A car yields to a pedestrian"
+
+
+def check_installation(
+    as_json: Json = False,
+    seed: int = option(0, "Of the scene that is made."),
+) -> None:
+    """Make a scene, verify it, and say so in one line; nothing is written."""
+    from scenewright import __version__
+    from scenewright.graph.run import synthesize, verify
+
+    say_if_new()
+    start = time.perf_counter()
+    scene = synthesize(_TEXT, seed=seed)
+    verdict = verify(scene, strict=True).verdict
+    facts = {
+        "scenewright": __version__,
+        "python": platform.python_version(),
+        "refiner": scene.provenance["refinement"]["refiner"],
+        "seconds": round(time.perf_counter() - start, 1),
+        "verdict": verdict,
+    }
+    text = ", ".join(f"{name} {value}" for name, value in facts.items()) + "\n"
+    write_result({"ok": verdict == "verified", **facts}, text, as_json=as_json)
+    if verdict != "verified":
+        raise typer.Exit(NOT_VERIFIED)

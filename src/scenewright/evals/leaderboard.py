@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from scenewright.dataset.tables.card import escape_markdown
+from scenewright.dataset.tables.markdown import escape_markdown, format_table
 from scenewright.errors import InputError
-from scenewright.evals.markdown import format_table
 from scenewright.evals.satisfaction.judge import RATES, format_share
 from scenewright.files import write_atomically
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenewright.errors import InputError
+from scenewright.errors import InputError, describe_misfit
 from scenewright.scene.digest import digest_json
 from scenewright.scene.events import Finding, Proof
 
@@ -31,9 +31,7 @@ def read_proof(file: Path) -> Proof:
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"]) or "file"
-        raise InputError(f"{file} is not a proof: {where}: {first['msg']}") from error
+        raise InputError(f"{file} is not a proof: {describe_misfit(error, 'file')}") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file} is not a proof: {error}") from error
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenewright.cli.main import main
-from scenewright.evals.understanding.cases import PairRelation, SceneCase
+from scenewright.evals.understanding.cases import PairRelation, SceneCase, observe
 from scenewright.evals.understanding.clips import (
     LENGTH,
     ClipSource,
@@ -22,9 +22,7 @@ from scenewright.evals.understanding.clips import (
     read_source,
 )
 from scenewright.evals.understanding.language_model import name_agents
-from scenewright.evals.understanding.observation import observe
-from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.scoring import count_scene
+from scenewright.evals.understanding.scoring import ScenePrediction, count_scene
 from scenewright.scene.events import Event
 
 

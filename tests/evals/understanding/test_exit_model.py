@@ -10,6 +10,7 @@ import pytest
 from lab.understanding.exit_tuning import ExitRows, fit_exit_model
 from lab.understanding.tuning import save_trees
 from scenewright.errors import InputError
+from scenewright.evals.understanding.cases import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.exit_model import (
     NAMES,
     describe_exits,
@@ -17,7 +18,6 @@ from scenewright.evals.understanding.exit_model import (
     weigh_all_exits,
 )
 from scenewright.evals.understanding.intent import infer_routes
-from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import list_sides, load_components
 from scenewright.intersections import load_map
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scenewright.evals.understanding.cases import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, SceneForecast
 from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
 from scenewright.evals.understanding.interaction_graph import build_interaction_graph
-from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.pair_features import (
     NAMES,
     compute_pair_features,

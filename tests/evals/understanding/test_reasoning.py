@@ -8,24 +8,27 @@ import numpy as np
 import pytest
 
 from scenewright.evals.understanding.calibration import load_calibration
-from scenewright.evals.understanding.cases import PairRelation, SceneCase
+from scenewright.evals.understanding.cases import (
+    ObservedAgent,
+    ObservedScene,
+    PairRelation,
+    SceneCase,
+    observe,
+)
 from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, forecast_scene
 from scenewright.evals.understanding.intent import find_nearest_mean, infer_routes
 from scenewright.evals.understanding.interaction_graph import compute_time_gaps
-from scenewright.evals.understanding.observation import (
-    ObservedAgent,
-    ObservedScene,
-    observe,
-)
 from scenewright.evals.understanding.pair_features import NAMES, mirror_features
-from scenewright.evals.understanding.pipeline import find_method, predict_with_events, reason
-from scenewright.evals.understanding.route_components import list_sides, load_components
-from scenewright.evals.understanding.rule_baseline import (
+from scenewright.evals.understanding.pipeline import (
     check_predicted_tracks,
+    find_method,
     predict_constant_velocity,
+    predict_with_events,
     predict_with_refiner,
+    reason,
     to_relations,
 )
+from scenewright.evals.understanding.route_components import list_sides, load_components
 from scenewright.evals.understanding.zone_features import (
     IN_ZONE,
     NONE,

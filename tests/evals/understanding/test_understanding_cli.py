@@ -80,7 +80,7 @@ def test_faults_of_a_file_are_one_line(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, Any],
     word: str,
 ) -> None:  # fmt: skip
-    from scenewright.evals.understanding.observation import hash_scene
+    from scenewright.evals.understanding.cases import hash_scene
 
     file = tmp_path / "said.jsonl"
     file.write_text(json.dumps(GOOD | {"scene": hash_scene("plain")} | change))
@@ -93,7 +93,7 @@ def test_faults_of_a_file_are_one_line(
 def test_a_file_must_be_whole(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from scenewright.evals.understanding.observation import hash_scene
+    from scenewright.evals.understanding.cases import hash_scene
 
     one = GOOD | {"scene": hash_scene("plain")}
     file = tmp_path / "said.jsonl"
@@ -102,8 +102,8 @@ def test_a_file_must_be_whole(
         (json.dumps(one), "rows are missing"),
         (json.dumps(one) + "\n" + json.dumps(one), "a second row"),
         ("", "holds no predictions"),
-        ("{", "not a JSON object"),
-        ("[" * 100_000, "not a JSON object"),
+        ("{", "Invalid JSON"),
+        ("[" * 100_000, "Invalid JSON"),
     ):
         file.write_text(text)
         assert run(*words) == 2

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from scenewright.errors import InputError
-from scenewright.evals.understanding.cases import SceneCase, assign_split
-from scenewright.evals.understanding.observation import (
+from scenewright.evals.understanding.cases import (
     WINDOWS,
+    SceneCase,
+    assign_split,
     hash_agents,
     hash_scene,
     observe,

@@ -11,19 +11,18 @@ import pytest
 
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError
-from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.cases import ObservedScene, SceneCase, observe
 from scenewright.evals.understanding.language_model import TASK, name_agents
-from scenewright.evals.understanding.observation import ObservedScene, observe
 from scenewright.evals.understanding.pipeline import (
     ATTEMPTS,
     METHODS,
     apply_rules,
     ask_agent,
     find_method,
+    predict_constant_velocity,
     reason,
 )
-from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.rule_baseline import predict_constant_velocity
+from scenewright.evals.understanding.scoring import ScenePrediction
 from scripted import build_scripted_backend
 
 

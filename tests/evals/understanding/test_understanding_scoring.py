@@ -5,8 +5,12 @@ from __future__ import annotations
 import pytest
 
 from scenewright.evals.understanding.cases import Labels, PairRelation
-from scenewright.evals.understanding.predictions import ScenePrediction
-from scenewright.evals.understanding.scoring import WindowScores, count_scene, summarise
+from scenewright.evals.understanding.scoring import (
+    ScenePrediction,
+    WindowScores,
+    count_scene,
+    summarise,
+)
 
 FOUR = ("a", "b", "c", "d")
 

@@ -21,8 +21,7 @@ import scenewright
 from exported_scenes import CONTACT, make_record, make_scene
 from scenewright.cli.main import main
 from scenewright.cli.verify import list_scene_files
-from scenewright.dataset.batch.manifest import write_manifest
-from scenewright.dataset.batch.scenes import list_scenes
+from scenewright.dataset.batch.manifest import list_scenes, write_manifest
 from scenewright.errors import InputError
 from scenewright.graph.run import encode_scene, load_tracks, verify_tracks
 from scenewright.scene.objects import ObjectRecord

@@ -7,7 +7,7 @@ import pytest
 
 import map_files
 from scenewright.cli.custom_intersections import fit_own, import_file
-from scenewright.cli.intersection_options import FitOptions, ImportOptions
+from scenewright.cli.options import FitOptions, ImportOptions
 from scenewright.intersections import load_map
 from scenewright.tools.fitting.learn_walks import learn_crossings, learn_sidewalks
 from scenewright.tools.map_import import import_map

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import map_files
-from scenewright.cli.map_export import write_map
+from scenewright.cli.import_commands import export_map
 from scenewright.errors import InputError
 from scenewright.tools.exporters.lanelet2 import write_lanelet2
 from scenewright.tools.map_import import import_map, list_junctions
@@ -100,10 +100,10 @@ def test_a_map_written_as_lanelet2_is_read_back(direct, tmp_path):
 
 
 def test_a_map_is_written_by_the_ending_of_the_file(tmp_path):
-    write_map("amsterdam_120", str(tmp_path / "a.xodr"))
+    export_map("amsterdam_120", str(tmp_path / "a.xodr"))
     assert b"<OpenDRIVE>" in (tmp_path / "a.xodr").read_bytes()
     with pytest.raises(InputError, match=r"as \.xodr or \.osm"):
-        write_map("amsterdam_120", str(tmp_path / "a.png"))
+        export_map("amsterdam_120", str(tmp_path / "a.png"))
 
 
 @pytest.mark.parametrize("name", ["a.json", "a.tfrecord", "a.xml"])

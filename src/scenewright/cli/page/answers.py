@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Awaitable, Callable
 from functools import wraps
-from typing import Any
+from inspect import iscoroutinefunction
+from typing import TypeVar, cast
 
+from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
-from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
+from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable, describe_misfit
+from scenewright.scene.base import Model
 
 MOST_BODY = 100_000
 """Bytes of a request in JSON; words are far shorter."""
-Answer = Callable[[Request], Awaitable[Response]]
+Answer = Callable[[Request], Awaitable[Response] | Response]
+ModelT = TypeVar("ModelT", bound=Model)
 
 
-def answer_safely(answer: Answer) -> Answer:
-    """The route, with what goes wrong as one line of JSON."""
+def answer_safely(answer: Answer) -> Callable[[Request], Awaitable[Response]]:
+    """The route, with what goes wrong as one line of JSON; what is no coroutine has a thread."""
 
     @wraps(answer)
     async def run(request: Request) -> Response:
         try:
-            return await answer(request)
+            if iscoroutinefunction(answer):
+                return cast(Response, await answer(request))
+            return cast(Response, await run_in_threadpool(answer, request))
         except BusyError as error:
             return refuse(409, str(error))
         except (InputError, Unsatisfiable, BackendFault) as error:
@@ -68,24 +74,13 @@ async def read_bytes(request: Request, limit: int) -> bytes:
     return b"".join(parts)
 
 
-async def read_object(request: Request) -> dict[str, Any]:
+async def read_model(request: Request, model: type[ModelT]) -> ModelT:
     """The JSON object of a request.
 
     Raises:
-        InputError: it is too long, or no object.
+        InputError: it is too long, or not as the model has it; names the field.
     """
     try:
-        value = json.loads(await read_bytes(request, MOST_BODY))
-    except (ValueError, RecursionError) as error:
-        raise InputError("the request is no JSON") from error
-    if not isinstance(value, dict):
-        raise InputError("the request is no JSON object")
-    return value
-
-
-def read_text(values: dict[str, Any], key: str, default: str | None = None) -> str:
-    """A text of an object; InputError if it is none."""
-    value = values.get(key, default)
-    if not isinstance(value, str) or any("\ud800" <= char <= "\udfff" for char in value):
-        raise InputError(f"{key} must be text")
-    return value
+        return model.model_validate_json(await read_bytes(request, MOST_BODY))
+    except ValidationError as error:
+        raise InputError(describe_misfit(error, "the request")) from error

@@ -51,9 +51,9 @@ class Batches:
             Route("/api/batches/{batch}/{row:int}/page.html", answer_safely(self.answer_scene)),
         ]
 
-    async def answer_list(self, _request: Request) -> Response:
+    def answer_list(self, _request: Request) -> Response:
         """The names of all batches, the newest first."""
-        return JSONResponse({"batches": await run_in_threadpool(self.list_names)})
+        return JSONResponse({"batches": self.list_names()})
 
     async def answer_start(self, request: Request) -> Response:
         """A new batch of the rows that are the request's body."""
@@ -63,28 +63,38 @@ class Batches:
         name = await run_in_threadpool(self.start, body, place, backend)
         return JSONResponse({"batch": name})
 
-    async def answer_progress(self, request: Request) -> Response:
+    def answer_progress(self, request: Request) -> Response:
         """How far a batch is, and its rows from the number `after` on."""
         after = request.query_params.get("after", "0")
         if not re.fullmatch(r"\d{1,9}", after):
             raise InputError("after must be a number")
-        name = request.path_params["batch"]
-        return JSONResponse(await run_in_threadpool(self.describe, name, int(after)))
+        return JSONResponse(self.describe(request.path_params["batch"], int(after)))
 
-    async def answer_go_on(self, request: Request) -> Response:
+    def answer_go_on(self, request: Request) -> Response:
         """Goes on with a batch that was stopped."""
-        await run_in_threadpool(self.go_on, request.path_params["batch"])
+        self.go_on(request.path_params["batch"])
         return JSONResponse({"ok": True})
 
-    async def answer_stop(self, request: Request) -> Response:
+    def answer_stop(self, request: Request) -> Response:
         """Stops a batch; what is made stays."""
-        await run_in_threadpool(self.stop, request.path_params["batch"])
+        name = request.path_params["batch"]
+        self._find(name)
+        with self._lock:
+            _end(self._running.get(name))
         return JSONResponse({"ok": True})
 
-    async def answer_scene(self, request: Request) -> Response:
+    def answer_scene(self, request: Request) -> Response:
         """The self-contained page of a scene, by its place in the journal."""
-        name, row = request.path_params["batch"], request.path_params["row"]
-        page = HTMLResponse(await run_in_threadpool(self.build_page, name, row))
+        from scenewright.graph.run import load_scene, verify
+        from scenewright.viz.html_player import build_player
+
+        folder, row = self._find(request.path_params["batch"]), request.path_params["row"]
+        entries = list(_read_journal(folder))
+        if row >= len(entries) or entries[row]["status"] != "made":
+            raise InputError("there is no scene of this row")
+        record = load_scene(str(folder / _OUT / entries[row]["folder"]))
+        place = load_map(record.meta.intersection)
+        page = HTMLResponse(build_player(scene=record, proof=verify(record), intersection=place))
         page.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
         return page
 
@@ -122,12 +132,6 @@ class Batches:
             if process is None or process.poll() is not None:
                 self._running[name] = _launch(folder, self._time_limit, lawful=self._lawful)
 
-    def stop(self, name: str) -> None:
-        """Ends the process of a batch; what is made stays."""
-        self._find(name)
-        with self._lock:
-            _end(self._running.get(name))
-
     def close(self) -> None:
         """Ends all processes; the batches can be gone on with."""
         for process in self._running.values():
@@ -149,23 +153,6 @@ class Batches:
             "error": "" if running else _read_error(folder),
             "scenes": [_describe_row(folder, each, n, rows) for n, each in shown],
         }  # fmt: skip
-
-    def build_page(self, name: str, row: int) -> str:
-        """The page of a scene of a batch.
-
-        Raises:
-            InputError: there is no such scene.
-        """
-        from scenewright.graph.run import load_scene, verify
-        from scenewright.viz.html_player import build_player
-
-        folder = self._find(name)
-        entries = list(_read_journal(folder))
-        if row >= len(entries) or entries[row]["status"] != "made":
-            raise InputError("there is no scene of this row")
-        record = load_scene(str(folder / _OUT / entries[row]["folder"]))
-        place = load_map(record.meta.intersection)
-        return build_player(scene=record, proof=verify(record), intersection=place)
 
     def _find(self, name: str) -> Path:
         if not re.fullmatch(r"batch-\d{1,9}", name) or not (self._folder / name).is_dir():

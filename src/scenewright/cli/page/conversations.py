@@ -6,34 +6,40 @@ import json
 import re
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.explain import explain_refusal
 from scenewright.authoring.read_turn import SENTENCE
 from scenewright.authoring.session import LENIENT, MAIN, Session, SessionVersion, list_branches
-from scenewright.authoring.thread_state import ThreadSetting, ThreadState
+from scenewright.authoring.thread_state import ThreadState
 from scenewright.backends import Backend
 from scenewright.cli.chat import build_facts
-from scenewright.cli.page.plan_form import read_plan_object
+from scenewright.cli.options import SessionOptions
+from scenewright.cli.sessions import (
+    choose_free_name,
+    compare,
+    get_version,
+    list_threads,
+    open_session,
+)
 from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
-from scenewright.graph.run import choose_refiner, plan_instruction
+from scenewright.graph.run import check_plan, plan_instruction
 from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
 from scenewright.nodes.remaining import OR_LENIENT
 from scenewright.scene.called import call_agents, speak_plainly
-from scenewright.scene.plan_file import PlanFile
+from scenewright.scene.phrasing import describe_graph
+from scenewright.scene.plan_file import PlanFile, compute_digest, read_plan
 from scenewright.scene.record import NEXT_TEXT
 from scenewright.scene.social import SocialGraph
-from scenewright.time_limit import DEFAULT_LIMIT, limit_time
+from scenewright.time_limit import limit_time
 from scenewright.viz.html_player import build_player
 
 ProgressCallback = Callable[[str, str], None]
 LONGEST_WORDS = 20_000
 LEAVE_OUT = "Leave it out"
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
 @dataclass(eq=False)
@@ -147,15 +153,8 @@ class Conversation:
         }
 
     def find(self, which: str | None) -> SessionVersion:
-        """A version by number or branch, the current one if none is named.
-
-        Raises:
-            InputError: there is none.
-        """
-        shown = self.session.find_version(which)
-        if shown is None:
-            raise InputError("there is no scene yet; say what shall happen")
-        return shown
+        """A version by number or branch, the current one if none is named; InputError without."""
+        return get_version(self.session, which)
 
     def build_page(self, which: str | None, over: str | None = None) -> str:
         """The self-contained page of a version, with another one laid over it if one is named."""
@@ -169,9 +168,7 @@ class Conversation:
     def compare(self, first: str, second: str) -> list[str]:
         """What differs between two versions, in lines."""
         one, other = self.find(first), self.find(second)
-        found = compare_versions(one.record, one.proof, other.record, other.proof)
-        numbers = {"first": one.version["number"], "second": other.version["number"]}
-        lines = format_reply({"kind": "compared", **numbers, **found}, None)
+        lines = format_reply(compare(one, other), None)
         return [speak_plainly(line, one.record) for _, line in lines]
 
 
@@ -226,44 +223,34 @@ def _read_json(text: str) -> Any:
 class Conversations:
     """All conversations of one file of threads; opened when they are first used."""
 
-    def __init__(
-        self, file: str, *, backend: Backend, seed: int, time_limit: float = DEFAULT_LIMIT,
-        lawful: bool = False,
-    ) -> None:  # fmt: skip
-        self._file, self._backend, self._seed = file, backend, seed
-        self._time_limit, self._lawful = time_limit, lawful
+    def __init__(self, options: SessionOptions, backend: Backend) -> None:
+        self._options, self._backend = options, backend
         self._open: dict[str, Conversation] = {}
         self._lock = threading.Lock()
 
     def list_names(self) -> list[str]:
         """Names of all threads, last used first."""
-        threads = Threads(self._file)
-        try:
-            return list(threads.list_names())
-        finally:
-            threads.close()
+        return list_threads(self._options.threads)
 
     def create(self, intersection: str, seed: int | None = None) -> Conversation:
         """A new conversation at an intersection; InputError if there is none so named."""
         with self._lock:
-            taken, number = {*self.list_names(), *self._open}, 1
-            while f"page-{number}" in taken:
-                number += 1
-            chosen = self._seed if seed is None else seed
-            return self._start(f"page-{number}", intersection, chosen)
+            name = choose_free_name("page", {*self.list_names(), *self._open})
+            own = self._options if seed is None else replace(self._options, seed=seed)
+            return self._start(name, replace(own, intersection=intersection))
 
     def get(self, name: str) -> Conversation:
         """The conversation of this name; InputError if there is none."""
         with self._lock:
             if name in self._open:
                 return self._open[name]
-            if not _NAME.fullmatch(name) or name not in self.list_names():
+            if name not in self.list_names():
                 raise InputError(f"there is no conversation {name[:64]!r}")
-            return self._start(name, "amsterdam_120", self._seed)
+            return self._start(name, self._options)
 
     def plan(self, words: str, intersection: str) -> SocialGraph:
         """The plan of an instruction; raises as `synthesize`."""
-        with limit_time(self._time_limit):
+        with limit_time(self._options.time_limit):
             return plan_instruction(words, intersection=intersection, backend=self._backend)
 
     def speak_with(self, backend: Backend) -> None:
@@ -282,20 +269,34 @@ class Conversations:
         if (log := self._open[name].log) is not None:
             log(stage, line)
 
-    def _start(self, name: str, intersection: str, seed: int) -> Conversation:
-        threads = Threads(self._file)
-        try:
-            threads.hold(name)
-            setting: ThreadSetting = {
-                "intersection": intersection, "seed": seed, "refiner": choose_refiner(None)
-            }  # fmt: skip
-            session = Session(
-                threads, name, backend=self._backend, setting=setting,
-                log=lambda stage, line: self._log(name, stage, line), time_limit=self._time_limit,
-                lawful=self._lawful,
-            )  # fmt: skip
-        except BaseException:
-            threads.close()
-            raise
+    def _start(self, name: str, options: SessionOptions) -> Conversation:
+        threads, session = open_session(
+            options, name, self._backend, log=lambda stage, line: self._log(name, stage, line)
+        )
         self._open[name] = Conversation(session, threads)
         return self._open[name]
+
+
+def read_plan_object(given: Any) -> PlanFile:
+    """The plan in an object of the page; InputError, which names the field, if it is none."""
+    if not isinstance(given, dict):
+        raise InputError("a plan is an object with its fields")
+    return read_plan(given)
+
+
+def check_plan_object(given: Any, intersection: str) -> PlanFile:
+    """The plan in an object of the page, if that intersection has ways for its agents."""
+    found = read_plan_object(given)
+    check_plan(found, intersection=intersection)
+    return found
+
+
+def describe_plan_file(found: PlanFile) -> dict[str, Any]:
+    """The fields that are set, as a plan file has them, and the plan in words."""
+    fields = found.plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    words = found.text if found.as_read else describe_graph(found.plan)
+    if found.text:
+        fields["text"] = found.text
+    if found.as_read:
+        fields["read_as"] = compute_digest(found.plan, found.text)
+    return {"plan": fields, "words": words}

@@ -12,8 +12,9 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from scenewright.backends import load_backend
-from scenewright.cli.page.answers import answer_safely, read_object, read_text
+from scenewright.cli.page.answers import answer_safely, read_model
 from scenewright.cli.page.conversations import Conversations
+from scenewright.cli.page.schema import BackendChoice
 from scenewright.errors import InputError
 
 KEYS = {"anthropic": "ANTHROPIC_API_KEY", "openai": "OPENAI_API_KEY"}
@@ -34,15 +35,14 @@ class ModelChoice:
             Route("/api/settings/backend", answer_safely(self.answer_choice), methods=["POST"]),
         ]
 
-    async def answer_settings(self, _request: Request) -> Response:
+    def answer_settings(self, _request: Request) -> Response:
         """The backend, and for which makers of models there is a key."""
         return JSONResponse(self.describe())
 
     async def answer_choice(self, request: Request) -> Response:
         """Another backend: {"backend", "base_url"?}."""
-        asked = await read_object(request)
-        name, url = read_text(asked, "backend"), read_text(asked, "base_url", "")
-        await run_in_threadpool(self.choose, name, url)
+        asked = await read_model(request, BackendChoice)
+        await run_in_threadpool(self.choose, asked.backend, asked.base_url)
         return JSONResponse(self.describe())
 
     def describe(self) -> dict[str, Any]:

@@ -14,7 +14,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from scenewright.cli.page.answers import answer_safely, read_bytes, read_object, read_text
+from scenewright.cli.page.answers import answer_safely, read_bytes, read_model
+from scenewright.cli.page.schema import JunctionChoice
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 
@@ -45,11 +46,9 @@ class OwnMaps:
 
     async def answer_import(self, request: Request) -> Response:
         """Makes an intersection of a junction: {"name", "junction"?, "side"?, "signals"?}."""
-        asked = await read_object(request)
-        values = {key: read_text(asked, key, "") for key in ("name", "junction", "side", "signals")}
-        return JSONResponse(
-            await run_in_threadpool(self.import_junction, request.path_params["map"], **values)
-        )
+        asked = await read_model(request, JunctionChoice)
+        name = request.path_params["map"]
+        return JSONResponse(await run_in_threadpool(self.import_junction, name, asked))
 
     def keep(self, name: str, data: bytes) -> dict[str, Any]:
         """Keeps a file and lists what can be chosen from it.
@@ -84,25 +83,21 @@ class OwnMaps:
             "roads": [np.round(road, 1).tolist() for road in overview.roads],
         }
 
-    def import_junction(
-        self, name_of_file: str, *, name: str, junction: str, side: str, signals: str
-    ) -> dict[str, Any]:
+    def import_junction(self, name_of_file: str, asked: JunctionChoice) -> dict[str, Any]:
         """Makes an intersection; what was made and assumed, in lines.
 
         Raises:
             InputError: the file, the junction or an option cannot be used.
         """
         from scenewright.cli.custom_intersections import import_file, import_text
-        from scenewright.cli.intersection_options import ImportOptions
+        from scenewright.cli.options import ImportOptions
 
         path = self._folder / name_of_file
         if not re.fullmatch(r"[0-9a-f]{16}\.[a-z.]+", name_of_file) or not path.is_file():
             raise InputError("this file is not here any more; drop it again")
-        if side not in ("", "left", "right") or signals not in ("", "keep", "assume", "none"):
-            raise InputError("side is left or right; signals are keep, assume or none")
         options = ImportOptions(
-            name=name, junction=junction or None, signals=signals or "keep",  # type: ignore[arg-type]
-            left_hand=None if not side else side == "left",
+            name=asked.name, junction=asked.junction or None, signals=asked.signals or "keep",
+            left_hand=None if not asked.side else asked.side == "left",
         )  # fmt: skip
         with self._lock:
             facts = import_file(str(path), options, log=lambda _stage, _line: None)

@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenewright.cli.views import write_view
+from scenewright.cli.views import render_view
 from scenewright.graph.export import export
 
 if TYPE_CHECKING:
@@ -27,12 +27,10 @@ def write_saved(shown: SessionVersion, name: str, format_: str) -> bytes:
     Raises:
         InputError: there is no such format, or a package that it needs is missing.
     """
+    if name != "export.zip":
+        kind = name.removeprefix("scene.")
+        return render_view(kind, shown.record, shown.proof)  # type: ignore[arg-type]
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
-        if name != "export.zip":
-            kind = name.removeprefix("scene.")
-            write_view(kind, path, shown.record, shown.proof)  # type: ignore[arg-type]
-            return path.read_bytes()
         packed = BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
             for file in export(shown.record, format_, folder):

@@ -1,55 +1,77 @@
 """The HTTP interface as an OpenAPI document, made from the routes themselves.
 
-Addresses, methods and summaries are those of the routes; what they are asked with is listed here.
+Addresses, methods and summaries are those of the routes; what they are asked with is listed here,
+bodies as the models by which they are read.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
+from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from scenewright.scene.base import Model
+
 SCHEMA = "/api/openapi.json"
-_TEXT: dict[str, Any] = {"type": "string"}
-_WHOLE: dict[str, Any] = {"type": "integer"}
-
-
-def _build_object(required: Sequence[str], **properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "object", "required": list(required), "properties": properties}
-
-
+_TEXT = {"type": "string"}
+_BYTES = {"type": "string", "format": "binary"}
 ACTIONS = ("say", "say_without", "make", "make_without", "plan", "edit", "undo", "redo", "branch")
-_BODIES: dict[str, tuple[str, dict[str, Any]]] = {
-    "/api/threads": ("application/json", _build_object((), intersection=_TEXT, seed=_WHOLE)),
-    "/api/threads/{thread}/turn": (
-        "application/json",
-        _build_object(
-            ("action",), action={"type": "string", "enum": list(ACTIONS)}, argument=_TEXT
-        ),
-    ),
-    "/api/plan": (
-        "application/json",
-        _build_object((), intersection=_TEXT, words=_TEXT, plan={"type": "object"}, thread=_TEXT),
-    ),
-    "/api/settings/backend": (
-        "application/json", _build_object(("backend",), backend=_TEXT, base_url=_TEXT)
-    ),
-    "/api/batches/new": ("application/x-ndjson", {"type": "string", "format": "binary"}),
-    "/api/maps": ("application/octet-stream", {"type": "string", "format": "binary"}),
-    "/api/maps/{map}/import": (
-        "application/json",
-        _build_object(
-            ("name",), name=_TEXT, junction=_TEXT,
-            side={"type": "string", "enum": ["", "left", "right"]},
-            signals={"type": "string", "enum": ["", "keep", "assume", "none"]},
-        ),
-    ),
-}  # fmt: skip
-"""Address -> type and schema of the body of a POST."""
+
+
+class NewThread(Model):
+    """Where a conversation is begun; the page's own place and seed where none is given."""
+
+    intersection: str | None = None
+    seed: int | None = Field(default=None, strict=True)
+
+
+class Turn(Model):
+    """A turn of a conversation."""
+
+    action: str = Field(json_schema_extra={"enum": list(ACTIONS)})
+    argument: str = ""
+
+
+class PlanSource(Model):
+    """What a plan is made from: its fields, a version of a conversation, or words."""
+
+    intersection: str | None = None
+    plan: Any = None
+    thread: str | None = None
+    version: str | None = None
+    words: str | None = None
+
+
+class BackendChoice(Model):
+    """Who plans and reasons from now on."""
+
+    backend: str
+    base_url: str = ""
+
+
+class JunctionChoice(Model):
+    """A junction of a map file, and how it becomes an intersection."""
+
+    name: str
+    junction: str | None = None
+    side: Literal["", "left", "right"] = ""
+    signals: Literal["", "keep", "assume", "none"] = ""
+
+
+_BODIES: Mapping[str, type[Model]] = {
+    "/api/threads": NewThread,
+    "/api/threads/{thread}/turn": Turn,
+    "/api/plan": PlanSource,
+    "/api/settings/backend": BackendChoice,
+    "/api/maps/{map}/import": JunctionChoice,
+}
+"""Address -> the JSON that is its body; that of other POSTs is a file."""
+_FILES = {"/api/batches/new": "application/x-ndjson", "/api/maps": "application/octet-stream"}
 _QUERIES: dict[str, tuple[str, ...]] = {
     "/api/threads/{thread}/compare": ("first", "second"),
     "/api/threads/{thread}/made": ("version",),
@@ -69,7 +91,15 @@ _ANSWERS = {
 """Address -> type of an answer that is not JSON."""
 _REFUSED = {
     "description": "refused, with the reason",
-    "content": {"application/json": {"schema": _build_object(("reason",), reason=_TEXT)}},
+    "content": {
+        "application/json": {
+            "schema": {
+                "type": "object",
+                "required": ["reason"],
+                "properties": {"reason": _TEXT},
+            }
+        }
+    },
 }
 
 
@@ -127,7 +157,11 @@ def _describe(route: Route, method: str) -> dict[str, Any]:
     }
     if named or asked:
         found["parameters"] = [*named, *asked]
+    content: dict[str, Any] = {}
     if method == "post" and path in _BODIES:
-        kind, schema = _BODIES[path]
-        found["requestBody"] = {"required": True, "content": {kind: {"schema": schema}}}
+        content = {"application/json": {"schema": _BODIES[path].model_json_schema()}}
+    elif method == "post" and path in _FILES:
+        content = {_FILES[path]: {"schema": _BYTES}}
+    if content:
+        found["requestBody"] = {"required": True, "content": content}
     return found

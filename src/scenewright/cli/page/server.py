@@ -6,8 +6,9 @@ import asyncio
 import json
 import secrets
 from collections.abc import AsyncIterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
@@ -19,21 +20,27 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from scenewright.backends import Backend
+from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.answers import (
     answer_safely,
     describe_fault,
-    read_object,
-    read_text,
+    read_model,
     refuse,
 )
 from scenewright.cli.page.batches import Batches
-from scenewright.cli.page.conversations import Conversation, Conversations
+from scenewright.cli.page.conversations import (
+    Conversation,
+    Conversations,
+    check_plan_object,
+    describe_plan_file,
+)
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
-from scenewright.cli.page.plan_form import check_plan_object, describe_plan_file
 from scenewright.cli.page.saved import SAVED, write_saved
-from scenewright.cli.page.schema import describe_routes
+from scenewright.cli.page.schema import NewThread, PlanSource, Turn, describe_routes
 from scenewright.cli.page.suggestions import list_places, list_words
+from scenewright.cli.views import render
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.extras import describe_missing
 from scenewright.intersections import load_map
@@ -85,19 +92,22 @@ class Guard(BaseHTTPMiddleware):
 class Page:
     """The routes, over the conversations they work on."""
 
-    def __init__(
-        self,
-        conversations: Conversations,
-        *,
-        choice: ModelChoice,
-        intersection: str,
-        batches: Batches,
-        own_maps: OwnMaps,
-    ) -> None:
-        self._conversations = conversations
-        self._choice, self._intersection = choice, intersection
-        self._batches, self._own_maps = batches, own_maps
+    def __init__(self, options: SessionOptions, backend: Backend, folder: Path) -> None:
+        """Batches and maps of one's own lie in the folder."""
+        self._intersection = options.intersection
+        self._conversations = Conversations(options, backend)
+        name = ", ".join(options.model.backend or ["builtin"])
+        self._choice = ModelChoice(self._conversations, name)
+        self._batches = Batches(
+            folder / "page-batches", time_limit=options.time_limit, lawful=options.lawful
+        )
+        self._own_maps = OwnMaps(folder / "page-maps")
         self._running: set[asyncio.Task[None]] = set()
+
+    def close(self) -> None:
+        """Ends what runs; all of it can be gone on with."""
+        self._conversations.close()
+        self._batches.close()
 
     def list_routes(self) -> list[Route]:
         """Every address that the page asks for."""
@@ -127,17 +137,17 @@ class Page:
         """The page itself."""
         return HTMLResponse(_read_asset("index.html"))
 
-    async def describe_start(self, _request: Request) -> Response:
+    def describe_start(self, _request: Request) -> Response:
         """Intersections, words, formats, conversations, backend, what is missing to import maps."""
         from scenewright.tools.exporters import FORMATS
         from scenewright.tools.map_import.check_file import SUMO
 
         return JSONResponse(
             {
-                "intersections": await run_in_threadpool(list_places),
+                "intersections": list_places(),
                 "words": list_words(),
                 "formats": {name: each.title for name, each in FORMATS.items()},
-                "threads": await run_in_threadpool(self._conversations.list_names),
+                "threads": self._conversations.list_names(),
                 "backend": self._choice.name,
                 "intersection": self._intersection,
                 "missing": describe_missing(*SUMO),
@@ -146,116 +156,105 @@ class Page:
 
     async def create_thread(self, request: Request) -> Response:
         """A new conversation: {"intersection", "seed"}."""
-        asked = await read_object(request)
-        name, seed = asked.get("intersection", self._intersection), asked.get("seed")
-        if not isinstance(name, str) or not (seed is None or type(seed) is int):
-            raise InputError("a conversation needs the name of an intersection and a whole seed")
-        made = await run_in_threadpool(self._conversations.create, name, seed)
+        asked = await read_model(request, NewThread)
+        place = asked.intersection or self._intersection
+        made = await run_in_threadpool(self._conversations.create, place, asked.seed)
         return JSONResponse(await run_in_threadpool(made.describe))
 
-    async def describe_thread(self, request: Request) -> Response:
+    def describe_thread(self, request: Request) -> Response:
         """Versions, branches and what is current."""
-        found = await self._find(request)
-        return JSONResponse(await run_in_threadpool(found.describe))
+        return JSONResponse(self._find(request).describe())
 
     async def take_turn(self, request: Request) -> Response:
         """One turn, {"action", "argument"}; answers lines of JSON: stages, then the reply.
 
         The turn goes on to its end when the browser leaves; its version is there afterwards.
         """
-        found, asked = await self._find(request), await read_object(request)
-        action, argument = read_text(asked, "action"), read_text(asked, "argument", "")
+        asked = await read_model(request, Turn)
+        found = await run_in_threadpool(self._find, request)
         if found.busy:
             raise BusyError("a turn of this conversation is still being worked on")
         lines: asyncio.Queue[dict[str, Any] | None] = asyncio.Queue()
-        task = asyncio.create_task(_work(found, action, argument, lines))
+        task = asyncio.create_task(_work(found, asked, lines))
         self._running.add(task)
         task.add_done_callback(self._running.discard)
         return StreamingResponse(_send_lines(lines), media_type="application/x-ndjson")
 
-    async def compare_versions(self, request: Request) -> Response:
+    def compare_versions(self, request: Request) -> Response:
         """What differs between the versions `first` and `second`."""
-        found, query = await self._find(request), request.query_params
-        pair = query.get("first", ""), query.get("second", "")
-        return JSONResponse({"lines": await run_in_threadpool(found.compare, *pair)})
+        query = request.query_params
+        lines = self._find(request).compare(query.get("first", ""), query.get("second", ""))
+        return JSONResponse({"lines": lines})
 
-    async def list_handles(self, request: Request) -> Response:
+    def list_handles(self, request: Request) -> Response:
         """What can be changed by hand in a version."""
-        found = await self._find(request)
         which = request.query_params.get("version")
-        handles = await run_in_threadpool(found.list_handles, which)
-        return JSONResponse({"handles": handles})
+        return JSONResponse({"handles": self._find(request).list_handles(which)})
 
-    async def list_log(self, request: Request) -> Response:
+    def list_log(self, request: Request) -> Response:
         """What was said so far, and every reply."""
-        found = await self._find(request)
-        return JSONResponse({"turns": await run_in_threadpool(found.list_log)})
+        return JSONResponse({"turns": self._find(request).list_log()})
 
-    async def describe_making(self, request: Request) -> Response:
+    def describe_making(self, request: Request) -> Response:
         """How a version came about: its provenance."""
-        found = await self._find(request)
-        shown = await run_in_threadpool(found.find, request.query_params.get("version"))
+        shown = self._find(request).find(request.query_params.get("version"))
         made = shown.provenance
         for each in made.get("rejections", []):
             each["detail"] = speak_plainly(each["detail"], shown.record)
         return JSONResponse(made)
 
-    async def send_file(self, request: Request) -> Response:
+    def send_file(self, request: Request) -> Response:
         """`page.html`, `scene.json` or `proof.json` of a version; `download=1` saves it.
 
         `scene.png`, `scene.gif` and `scene.mp4` are its views, `export.zip` its files in a
         `format`. The page may have another version, `over`, laid over it.
         """
-        found, name = await self._find(request), request.path_params["name"]
-        which = request.query_params.get("version")
+        found, name = self._find(request), request.path_params["name"]
+        query, headers = request.query_params, {}
         if name == "page.html":
-            over = request.query_params.get("over")
-            page = await run_in_threadpool(found.build_page, which, over)
-            response: Response = HTMLResponse(page)
+            body: str | bytes = found.build_page(query.get("version"), query.get("over"))
+            kind = "text/html"
             # the page carries its own policy; only this server may frame it
-            response.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
+            headers["Content-Security-Policy"] = "frame-ancestors 'self'"
         elif name in ("scene.json", "proof.json"):
-            shown = await run_in_threadpool(found.find, which)
+            shown = found.find(query.get("version"))
             body = shown.scene_json if name == "scene.json" else shown.proof_json
-            response = Response(body, media_type="application/json")
+            kind = "application/json"
         elif name in SAVED:
-            shown = await run_in_threadpool(found.find, which)
-            format_ = request.query_params.get("format", "")
-            body = await run_in_threadpool(write_saved, shown, name, format_)
-            response = Response(body, media_type=SAVED[name])
+            shown = found.find(query.get("version"))
+            body, kind = write_saved(shown, name, query.get("format", "")), SAVED[name]
         else:
             raise HTTPException(404)
-        if "download" in request.query_params:
-            response.headers["Content-Disposition"] = f'attachment; filename="{name}"'
-        return response
+        if "download" in query:
+            headers["Content-Disposition"] = f'attachment; filename="{name}"'
+        return Response(body, media_type=kind, headers=headers)
 
-    async def draw_map(self, request: Request) -> Response:
+    def draw_map(self, request: Request) -> Response:
         """A picture of an intersection."""
-        picture = await run_in_threadpool(_draw_intersection, request.path_params["name"])
-        return Response(picture, media_type="image/png")
+        return Response(_draw_intersection(request.path_params["name"]), media_type="image/png")
 
-    async def send_plan_schema(self, _request: Request) -> Response:
+    def send_plan_schema(self, _request: Request) -> Response:
         """The JSON Schema of plans, of which the form is made."""
         return JSONResponse(build_plan_schema())
 
     async def describe_plan(self, request: Request) -> Response:
         """A plan and its words, of {"words"}, of the fields of a {"plan"}, or of a {"thread"}."""
-        asked = await read_object(request)
-        place = read_text(asked, "intersection", self._intersection)
-        if "plan" in asked:
-            found = await run_in_threadpool(check_plan_object, asked["plan"], place)
-        elif "thread" in asked:
-            name, which = read_text(asked, "thread"), asked.get("version")
-            held = await run_in_threadpool(self._conversations.get, name)
-            found = await run_in_threadpool(held.find_plan, which)
-        else:
-            words = read_text(asked, "words")
-            plan = await run_in_threadpool(self._conversations.plan, words, place)
-            found = PlanFile(plan, words, as_read=True)
+        asked = await read_model(request, PlanSource)
+        found = await run_in_threadpool(self._find_plan, asked)
         return JSONResponse(describe_plan_file(found))
 
-    async def _find(self, request: Request) -> Conversation:
-        return await run_in_threadpool(self._conversations.get, request.path_params["thread"])
+    def _find_plan(self, asked: PlanSource) -> PlanFile:
+        place = asked.intersection or self._intersection
+        if asked.plan is not None:
+            return check_plan_object(asked.plan, place)
+        if asked.thread is not None:
+            return self._conversations.get(asked.thread).find_plan(asked.version)
+        if asked.words is None:
+            raise InputError("name words, a plan or a thread")
+        return PlanFile(self._conversations.plan(asked.words, place), asked.words, as_read=True)
+
+    def _find(self, request: Request) -> Conversation:
+        return self._conversations.get(request.path_params["thread"])
 
 
 def build_app(page: Page, *, token: str, hosts: frozenset[str]) -> Starlette:
@@ -265,7 +264,7 @@ def build_app(page: Page, *, token: str, hosts: frozenset[str]) -> Starlette:
 
 
 async def _work(
-    found: Conversation, action: str, argument: str, lines: asyncio.Queue[dict[str, Any] | None]
+    found: Conversation, asked: Turn, lines: asyncio.Queue[dict[str, Any] | None]
 ) -> None:
     loop = asyncio.get_running_loop()
 
@@ -273,7 +272,7 @@ async def _work(
         loop.call_soon_threadsafe(lines.put_nowait, {"stage": stage, "line": line})
 
     try:
-        reply = await run_in_threadpool(found.act, action, argument, log)
+        reply = await run_in_threadpool(found.act, asked.action, asked.argument, log)
     except (InputError, Unsatisfiable, BackendFault) as error:
         reply = {"kind": "refused", "lines": [f"refused: {error}"], "why": [], "choices": []}
     except Exception as error:
@@ -299,12 +298,6 @@ def _read_asset(name: str) -> str:
 
 @lru_cache(maxsize=32)
 def _draw_intersection(name: str) -> bytes:
-    import tempfile
-    from pathlib import Path
-
     from scenewright.viz.intersection_picture import draw_intersection
 
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "map.png"
-        draw_intersection(path, intersection=load_map(name), dpi=80)
-        return path.read_bytes()
+    return render(partial(draw_intersection, intersection=load_map(name), dpi=80))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from filelock import BaseFileLock, FileLock, Timeout
+from filelock import FileLock, Timeout
 
 from scenewright.backends import Backend, Question, Task, load_backend
 from scenewright.backends.staged import StagedBackend
@@ -51,17 +51,15 @@ def label(names: Names) -> str:
 
 
 def make_plain_name(names: Names) -> str:
-    """The same as part of the names of files and rows."""
-    joined = ", ".join(_shorten_name(name) for name in names).lower()
-    return re.sub(r"[^a-z0-9]+", "-", joined).strip("-")[:60] or "backend"
-
-
-def _shorten_name(name: str) -> str:
-    """Without the company or the folder."""
-    kind, colon, rest = name.partition(":")
-    if kind == "recorded":
-        return f"recorded-{Path(rest).stem}"
-    return rest if colon and kind in ("openai", "anthropic") else name
+    """The same as part of the names of files and rows, without company or folder."""
+    plain = []
+    for name in names:
+        kind, colon, rest = name.partition(":")
+        if kind == "recorded":
+            plain.append(f"recorded-{Path(rest).stem}")
+        else:
+            plain.append(rest if colon and kind in ("openai", "anthropic") else name)
+    return re.sub(r"[^a-z0-9]+", "-", ", ".join(plain).lower()).strip("-")[:60] or "backend"
 
 
 def find_record_path(record: Path | None, name: str) -> Path | None:
@@ -83,7 +81,8 @@ def load_speaking_backend(
     )  # fmt: skip
     if asking.at_once is None or asking.turns is None:
         return backend
-    return _make_take_turns(backend, _Turns(asking.turns, asking.at_once))
+    turns = [asking.turns / f".asking-{k + 1}.lock" for k in range(asking.at_once)]
+    return _make_take_turns(backend, turns)
 
 
 def find_url(names: Sequence[str], base_url: str | None) -> str | None:
@@ -102,54 +101,23 @@ def check_asking(asking: Asking, *, one_machine: bool) -> None:
             raise InputError(f"{name} works on one machine: leave it out with --engine ray")
 
 
-class _Turns:
-    """So many may go on at a time, over all processes that share the folder.
-
-    A turn is a lock on a file: a process that dies releases it.
-    """
-
-    def __init__(self, folder: Path, most: int) -> None:
-        self._files = [folder / f".asking-{k + 1}.lock" for k in range(most)]
-
-    @contextmanager
-    def turn(self) -> Iterator[None]:
-        """Waits for one and holds it."""
-        lock = self._take()
-        try:
-            yield
-        finally:
-            lock.release()
-
-    def _take(self) -> BaseFileLock:
-        # Each begins elsewhere, so that not all of them try for the first one.
-        first = os.getpid() % len(self._files)
-        while True:
-            for file in (*self._files[first:], *self._files[:first]):
-                lock = FileLock(file)
-                with suppress(Timeout):
-                    lock.acquire(blocking=False)
-                    return lock
-            time.sleep(_PAUSE)
-
-
-def _make_take_turns(backend: Backend, turns: _Turns) -> Backend:
+def _make_take_turns(backend: Backend, turns: Sequence[Path]) -> Backend:
+    """The backend, or its stages, asked in turn; the offline one answers at once."""
     speakers: Mapping[Task, Backend] | None = getattr(backend, "by_task", None)
     if speakers is not None:
         return StagedBackend(
-            {task: _make_one_take_turns(each, turns) for task, each in speakers.items()}
+            {task: _make_take_turns(each, turns) for task, each in speakers.items()}
         )
-    return _make_one_take_turns(backend, turns)
-
-
-def _make_one_take_turns(backend: Backend, turns: _Turns) -> Backend:
-    """The offline backend takes no turns; it answers at once."""
     return backend if backend.deterministic else _InTurn(backend, turns)
 
 
 class _InTurn:
-    """A backend that is asked when a turn is free."""
+    """A backend that is asked when one of the turns is free, over all processes that share them.
 
-    def __init__(self, backend: Backend, turns: _Turns) -> None:
+    A turn is a lock on a file: a process that dies releases it.
+    """
+
+    def __init__(self, backend: Backend, turns: Sequence[Path]) -> None:
         self.name, self.deterministic = backend.name, backend.deterministic
         self._backend, self._turns = backend, turns
 
@@ -158,5 +126,10 @@ class _InTurn:
 
     def answer(self, question: Question) -> dict[str, Any]:
         """The backend's reply (see `Backend`)."""
-        with self._turns.turn():
-            return self._backend.answer(question)
+        # Each begins elsewhere, so that not all of them try for the first one.
+        first = os.getpid() % len(self._turns)
+        while True:
+            for file in (*self._turns[first:], *self._turns[:first]):
+                with suppress(Timeout), FileLock(file).acquire(blocking=False):
+                    return self._backend.answer(question)
+            time.sleep(_PAUSE)

@@ -36,8 +36,6 @@ _ASIDE = re.compile(
     r"manifest\.json\.minisig"
 )
 """Names of files that are no part of a dataset."""
-_OWN = {"text": ("meta", "user_prompt"), "seed": ("meta", "seed")}
-"""Columns of `scenes` that a scene holds as well, and where."""
 _MOST = 1000
 
 
@@ -134,11 +132,11 @@ def _find_table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Au
 
     Datasets of earlier versions have fewer tables, and fewer columns.
     """
-    there = [name for name in TABLES if list_table_files(folder / "tables", name)]
     with tempfile.TemporaryDirectory(prefix="scenewright-", ignore_cleanup_errors=True) as again:
         yield from _compare_rebuilt(folder, Path(again), manifest)
-        for name in there:
-            yield from _compare_tables(folder, Path(again), name, manifest)
+        for name in TABLES:
+            if list_table_files(folder / "tables", name):
+                yield from _compare_tables(folder, Path(again), name, manifest)
 
 
 def _compare_rebuilt(
@@ -170,14 +168,12 @@ def _find_strayed(files: SceneFiles) -> Iterator[AuditFault]:
     """Where a row's folder holds the scene of another row."""
     if files.scene is None or files.provenance is None:
         return
-    values = {key: files.scene[part][name] for key, (part, name) in _OWN.items()}
-    values["row"] = files.provenance["row"]
-    for key, value in values.items():
-        if value != files.about[key]:
-            yield AuditFault(
-                str(files.about["folder"]), f"is the scene of another row: its {key} differs"
-            )
-            return
+    meta = files.scene["meta"]
+    held = {"text": meta["user_prompt"], "seed": meta["seed"], "row": files.provenance["row"]}
+    for key in (key for key, value in held.items() if value != files.about[key]):
+        what = f"is the scene of another row: its {key} differs"
+        yield AuditFault(str(files.about["folder"]), what)
+        return
 
 
 def _compare_tables(
@@ -207,11 +203,8 @@ def _check_scenes(
     folder: Path, scenes: list[str], *, workers: int, log: Callable[[int, int], None]
 ) -> Iterator[AuditFault | None]:
     jobs = [str(folder / scene) for scene in scenes]
-    results = (
-        ((job, check_again(job)) for job in jobs)
-        if workers == 1
-        else spread(jobs, check_again, workers=workers)
-    )
+    one = ((job, check_again(job)) for job in jobs)
+    results = one if workers == 1 else spread(jobs, check_again, workers=workers)
     for count, (job, result) in enumerate(results, start=1):
         log(count, len(jobs))
         what = "the checker died of it" if isinstance(result, Died | Overdue) else result

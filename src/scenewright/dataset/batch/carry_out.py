@@ -1,7 +1,14 @@
-"""Jobs carried out into a folder: what is done is left alone, what is damaged is done again."""
+"""Jobs carried out into a folder: what is done is left alone, what is damaged is done again.
+
+A row's folder is there whole, or not at all.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import os
+import secrets
+import shutil
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -13,8 +20,7 @@ from typing import Any, Literal, Self
 from scenewright.dataset.batch.journal import Journal, JournalEntry, lock_journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.pool import TRIES, Died, Overdue, spread
-from scenewright.dataset.batch.publish import discard_leftovers, is_whole, publish
-from scenewright.dataset.batch.worker import Job, Outcome, work
+from scenewright.dataset.batch.worker import FILES, Job, Outcome, work
 from scenewright.errors import InputError
 from scenewright.graph.run import make_folder
 
@@ -146,17 +152,9 @@ class BatchFolder:
         if outcome.status == "made":
             hashes = publish(outcome.files, place, parts=self.out / f".{self._name}.parts")
         return JournalEntry(
-            number=job.number,
-            key=job.key,
-            folder=job.folder,
-            status=outcome.status,
-            code=outcome.code,
-            reason=outcome.reason,
-            sha256=hashes,
-            attempts=outcome.attempts,
-            seconds=outcome.seconds,
-            paid=outcome.paid,
-        )
+            number=job.number, key=job.key, folder=job.folder, sha256=hashes,
+            **{name: each for name, each in vars(outcome).items() if name != "files"},
+        )  # fmt: skip
 
 
 class ProgressClock:
@@ -190,3 +188,47 @@ def _build_failure(result: Died | Overdue) -> Outcome:
     if result.code == _OUT_OF_MEMORY:
         cause = ", the last killed from outside, as a machine does that runs out of memory"
     return Outcome("failed", "worker_died", f"{TRIES} workers died of this row{cause}")
+
+
+def publish(files: Mapping[str, bytes], folder: Path, *, parts: Path) -> dict[str, str]:
+    """Writes a row's files into `parts` and moves them to `folder` at once; name -> sha256.
+
+    Raises:
+        InputError: it cannot be written, or something else stands there.
+    """
+    part = parts / secrets.token_hex(8)
+    try:
+        part.mkdir(parents=True)
+        for name, data in files.items():
+            (part / name).write_bytes(data)
+        if folder.exists():
+            _discard(folder)
+        os.rename(part, folder)
+    except OSError as error:
+        shutil.rmtree(part, ignore_errors=True)
+        raise InputError(f"cannot write {folder}: {error.strerror or error}") from error
+    return {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+
+
+def is_whole(folder: Path, sha256: Mapping[str, str]) -> bool:
+    """Whether a folder's files are there, as they were written."""
+    try:
+        return all(
+            hashlib.sha256((folder / name).read_bytes()).hexdigest() == wanted
+            for name, wanted in sha256.items()
+        )
+    except OSError:
+        return False
+
+
+def discard_leftovers(folder: Path, name: str) -> None:
+    """Removes what a killed run of the journal of that name had not finished."""
+    shutil.rmtree(folder / f".{name}.parts", ignore_errors=True)
+
+
+def _discard(folder: Path) -> None:
+    """Removes a row's folder that no journal knows; never anything that is no scene's."""
+    names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else {""}
+    if not names <= set(FILES):
+        raise InputError(f"{folder} is in the way: it holds other things than a scene")
+    shutil.rmtree(folder)

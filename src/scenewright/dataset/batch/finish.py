@@ -17,12 +17,10 @@ import numpy as np
 from scenewright.dataset.batch.answering import label
 from scenewright.dataset.batch.journal import Journal, JournalEntry
 from scenewright.dataset.batch.manifest import hash_files, write_manifest
-from scenewright.dataset.batch.overview import draw_overview
-from scenewright.dataset.batch.statistics import Statistics, draw_statistics
+from scenewright.dataset.batch.pictures import Statistics, draw_overview, draw_statistics
 from scenewright.dataset.batch.worker import Job
-from scenewright.dataset.tables.card import ABSTRACT, Contents, format_card
+from scenewright.dataset.tables.card import ABSTRACT, Contents, describe_in_croissant, format_card
 from scenewright.dataset.tables.coverage import Encounter, list_encounters, measure_coverage
-from scenewright.dataset.tables.croissant import describe_in_croissant
 from scenewright.dataset.tables.parquet import (
     TABLES,
     SceneFiles,
@@ -110,9 +108,9 @@ def finish(
     shutil.rmtree(part, ignore_errors=True)
     (part / "tables").mkdir(parents=True)
     (part / "figures").mkdir()
-    tally, done = _Tally(), _Done(journal, jobs)
+    tally = _Tally()
     with TableWriter(part / "tables") as tables:
-        for job, entry in done:
+        for job, entry in _list_done(journal, jobs):
             row = _read_files(out, job, entry)
             tally.tables.update(tables.add(row))
             tally.note(entry, row)
@@ -123,12 +121,9 @@ def finish(
     files = {name: list_table_files(part / "tables", name) for name in TABLES}
     splits = {name: [each.stem for each in found] for name, found in files.items() if found}
     croissant = describe_in_croissant(
-        name=title,
-        description=ABSTRACT,
-        licence="https://www.apache.org/licenses/LICENSE-2.0",
-        version=str(about.get("scenewright")),
-        tables=list(splits),
-    )
+        name=title, description=ABSTRACT, version=str(about.get("scenewright")),
+        licence="https://www.apache.org/licenses/LICENSE-2.0", tables=list(splits),
+    )  # fmt: skip
     (part / CROISSANT).write_bytes(croissant)
     tables_there = [each.relative_to(part).as_posix() for found in files.values() for each in found]
     names = [*tables_there, *PICTURES, CROISSANT]
@@ -149,22 +144,20 @@ def finish(
         "tables": {name: tally.tables[name] for name in TABLES},
     }
     ours = hash_files(out, [CARD, *names, *extra])
-    theirs = ((f"{row.folder}/{name}", sha256) for _, row in done
-              for name, sha256 in row.sha256.items())  # fmt: skip
+    theirs = (
+        (f"{row.folder}/{name}", sha256)
+        for _, row in _list_done(journal, jobs)
+        for name, sha256 in row.sha256.items()
+    )
     write_manifest(out, manifest, chain(ours, theirs))
 
 
-class _Done:
-    """The rows that came to an end, in the order of the input; may be gone through twice."""
-
-    def __init__(self, journal: Journal, jobs: Iterable[Job]) -> None:
-        self._journal, self._jobs = journal, jobs
-
-    def __iter__(self) -> Iterator[tuple[Job, JournalEntry]]:
-        for job in self._jobs:
-            entry = self._journal.get_entry(job.number)
-            if entry is not None:
-                yield job, entry
+def _list_done(journal: Journal, jobs: Iterable[Job]) -> Iterator[tuple[Job, JournalEntry]]:
+    """The rows that came to an end, in the order of the input."""
+    for job in jobs:
+        entry = journal.get_entry(job.number)
+        if entry is not None:
+            yield job, entry
 
 
 def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
@@ -218,16 +211,8 @@ def _build_contents(
         else f"{sizes.min()}, {float(np.median(sizes)):g}, {sizes.max()}",
     }
     return Contents(
-        title=title,
-        figures=figures,
-        tables=tally.tables,
-        splits=splits,
-        events=tally.events,
-        causes=tally.causes,
-        patterns=tally.patterns,
-        unmade=tally.codes,
-        statistics=tally.statistics.list_rows(),
-        coverage=measure_coverage(tally.encounters),
-        about=about,
-        pictures=PICTURES,
-    )
+        title=title, figures=figures, tables=tally.tables, splits=splits, events=tally.events,
+        causes=tally.causes, patterns=tally.patterns, unmade=tally.codes,
+        statistics=tally.statistics.list_rows(), coverage=measure_coverage(tally.encounters),
+        about=about, pictures=PICTURES,
+    )  # fmt: skip

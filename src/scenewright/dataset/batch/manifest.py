@@ -67,11 +67,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     file = folder / MANIFEST
     try:
-        found = json.loads(file.read_bytes())
-        if not isinstance(found, dict) or not isinstance(found["files"], dict):
-            raise TypeError("no table of files")
-        for key in ("rows", "tables"):
-            if not isinstance(found[key], dict):
+        found: dict[str, Any] = json.loads(file.read_bytes())
+        for key in ("files", "rows", "tables"):
+            if not isinstance(found, dict) or not isinstance(found[key], dict):
                 raise TypeError(f"no table of {key}")
     except OSError as error:
         raise InputError(
@@ -94,3 +92,24 @@ def hash_files(folder: Path, names: Iterable[str]) -> Iterator[tuple[str, str]]:
             raise OSError("no plain file")
         with (folder / name).open("rb") as stream:
             yield name, hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+EXPORTS = "exports"
+"""Folder in a dataset for its scenes in other formats; no part of the dataset."""
+
+
+def list_scenes(folder: Path) -> list[Path]:
+    """The folders of all scenes, in the manifest's order.
+
+    Raises:
+        InputError: there is no manifest, or no scene in it.
+    """
+    names = [name for name in read_manifest(folder)["files"] if name.endswith("/scene.json")]
+    if not names:
+        raise InputError(f"{folder} holds no scenes to export")
+    root = folder.resolve()
+    scenes = [(folder / name).parent for name in names]
+    outside = [str(each) for each in scenes if not each.resolve().is_relative_to(root)]
+    if outside:
+        raise InputError(f"{outside[0][:200]} lies outside the dataset")
+    return scenes

@@ -190,7 +190,7 @@ def _find_clashes(file: Path, keys: bytes) -> frozenset[str]:
             first = seen.setdefault(row.id, line)
             if first != line:
                 raise InputError(
-                    f"{file}, line {line}: the id {_quote_value(row.id)} is that of "
+                    f"{file}, line {line}: the id {_quote(row.id)} is that of "
                     f"line {first}; every row needs an id of its own"
                 )
     return frozenset(identity.lower() for identity in seen)
@@ -218,9 +218,7 @@ def _parse_row(data: bytes, where: str) -> DatasetRow:
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: not JSON: {_cut(str(error))}") from error
     if not isinstance(value, dict):
-        raise InputError(
-            f"{where}: a row is an object with 'id' and 'text', not {_quote_value(value)}"
-        )
+        raise InputError(f"{where}: a row is an object with 'id' and 'text', not {_quote(value)}")
     try:
         row = DatasetRow.model_validate(value)
     except ValidationError as error:
@@ -250,10 +248,10 @@ def _describe_fault(error: ValidationError) -> str:
     if first["type"] == "extra_forbidden":
         fields = Overrides.model_fields if "." in field else DatasetRow.model_fields
         return f"no field {_cut(field)!r}; there are {', '.join(fields)}"
-    return f"{field}: {first['msg']}, got {_quote_value(first['input'])}"
+    return f"{field}: {first['msg']}, got {_quote(first['input'])}"
 
 
-def _quote_value(value: Any) -> str:
+def _quote(value: Any) -> str:
     return _cut(repr(value))
 
 

@@ -153,13 +153,8 @@ def build_batch_header(source: RowSource, options: Options) -> dict[str, Any]:
     """What the first line of a journal holds: all that decides what the scenes are."""
     from scenewright import __version__
 
-    return {
-        "journal": 1,
-        "scenewright": __version__,
-        "input": source.sha256,
-        "rows": source.rows,
-        **list_settings(options),
-    }
+    about = {"journal": 1, "scenewright": __version__, "input": source.sha256, "rows": source.rows}
+    return {**about, **list_settings(options)}
 
 
 def list_settings(options: Options) -> dict[str, Any]:
@@ -224,16 +219,11 @@ def predict_run(request: Request, *, shown: int) -> dict[str, Any]:
     """
     check_request(replace(request, asking=replace(request.asking, record=None)))
     source = read_source(request.source)
-    jobs = _Jobs(source, request)
-    done = _count_done(request, build_batch_header(source, request.options), jobs)
+    jobs, done = _Jobs(source, request), 0
+    if any(request.out.glob("journal*.jsonl")):  # of an earlier run
+        header = build_batch_header(source, request.options)
+        with Journal(request.out, name=None, header=header) as journal:
+            entries = (journal.get_entry(job.number) for job in jobs)
+            done = sum(entry is not None and entry.status != "failed" for entry in entries)
     first = [{"id": job.key, "folder": job.folder, "seed": job.seed} for job in islice(jobs, shown)]
     return {"rows": len(jobs), "done": done, "to_do": len(jobs) - done, "first": first}
-
-
-def _count_done(request: Request, header: dict[str, Any], jobs: _Jobs) -> int:
-    """How many of the jobs an earlier run has brought to an end."""
-    if not any(request.out.glob("journal*.jsonl")):
-        return 0
-    with Journal(request.out, name=None, header=header) as journal:
-        entries = (journal.get_entry(job.number) for job in jobs)
-        return sum(entry is not None and entry.status != "failed" for entry in entries)

@@ -71,15 +71,10 @@ class Options:
     def list_settings(self) -> dict[str, Any]:
         """As plain JSON."""
         found = {**asdict(self), "backend": label(self.backend)}
-        del found["time_limit"]
-        for name in ("lenient", "lawful"):  # a dataset begun before they were there must go on
-            if not found[name]:
-                del found[name]
-        if self.max_agents is None:
-            del found["max_agents"]
-        if self.draws == 1:
-            del found["draws"]
-        return found
+        # A dataset begun before these were there must go on.
+        unset = {name for name in ("lenient", "lawful", "max_agents") if not found[name]}
+        unset |= {"draws"} if self.draws == 1 else set()
+        return {name: each for name, each in found.items() if name not in {*unset, "time_limit"}}
 
 
 @dataclass(frozen=True)
@@ -140,17 +135,12 @@ def build_job(named: Named, options: Options, asking: Asking) -> Job:
     row, own = named.row, named.row.overrides
     places = {name: getattr(own, name) for name in ("intersection", "refiner", "selection")}
     return Job(
-        number=named.number,
-        key=row.id,
-        folder=named.folder,
+        number=named.number, key=row.id, folder=named.folder,
         text=row.text if named.plan is None else word_plan(named.plan)[0],
-        seed=choose_seed(row, seed=options.seed),
+        seed=choose_seed(row, seed=options.seed), voice=row.voice, plan=named.plan,
         options=replace(options, **{name: each for name, each in places.items() if each}),
-        context=own.context,
-        voice=row.voice,
-        asking=asking,
-        plan=named.plan,
-    )
+        context=own.context, asking=asking,
+    )  # fmt: skip
 
 
 def work(job: Job) -> Outcome:

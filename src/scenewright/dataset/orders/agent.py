@@ -1,7 +1,7 @@
-"""The agent that fills an order: `write`, `make`, `settle`, round and round.
+"""The agent that fills an order, round by round: it words, makes, and looks at what came of it.
 
-What the order wants becomes slots, one for each scene. `write` words an instruction for every open
-slot, `make` has the pipeline carry them out, `settle` looks at what came of it. A slot whose
+What the order wants becomes slots, one for each scene. A round words an instruction for every open
+slot, has the pipeline carry them out, and fills the slots of which there is a scene. A slot whose
 instruction was refused is worded anew, then given another pattern of its kind, until the budget is
 spent. Every step can be repeated: what was written stands in order.jsonl, what was made in the
 journal, so a run that is killed goes on where it was.
@@ -12,8 +12,16 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
-from scenewright.dataset.batch.answering import Asking, Names, find_url, make_plain_name
+from scenewright.dataset.batch.answering import (
+    PLAINLY,
+    Asking,
+    Names,
+    find_record_path,
+    find_url,
+    make_plain_name,
+)
 from scenewright.dataset.batch.carry_out import (
     BatchFolder,
     Engine,
@@ -21,22 +29,79 @@ from scenewright.dataset.batch.carry_out import (
     ProgressClock,
 )
 from scenewright.dataset.batch.pool import spread
+from scenewright.dataset.batch.run import ROW_TIMEOUT
 from scenewright.dataset.batch.worker import Job, Options
-from scenewright.dataset.orders.order_log import Book, OrderEntry
 from scenewright.dataset.orders.order_spec import OrderSpec
 from scenewright.dataset.orders.wording import (
+    Book,
+    OrderEntry,
     Slot,
-    Wording,
     WordingTask,
-    choose_planner,
     make_rng,
     word_by_templates,
     word_slot,
 )
 from scenewright.dataset.orders.writers import Writer
 
+SPARE = 20
+"""Instructions beyond twice the scenes that a budget has if none is named."""
 FEW = 12
 """Texts for which no workers are started."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the agent was asked for.
+
+    Attributes:
+        text: the order as given, for the record; wish: as it was understood.
+        places: intersections, if not the options' one alone; the later half of them is held out:
+            their scenes are the test split.
+        writer: name of the writer of the instructions.
+        budget: most instructions; None: twice the scenes + 20.
+        row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
+            are asked, each has a file of answers of its own beside the one that is named.
+    """
+
+    text: str
+    wish: OrderSpec
+    out: Path
+    options: Options
+    places: tuple[str, ...] = ()
+    writer: str = "builtin"
+    budget: int | None = None
+    workers: int = 1
+    engine: Engine = "process"
+    title: str = "Traffic scenes to order"
+    row_timeout: float = ROW_TIMEOUT
+    asking: Asking = PLAINLY
+
+    @property
+    def all_places(self) -> tuple[str, ...]:
+        """Where its scenes are made."""
+        return self.places or (self.options.intersection,)
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Places whose scenes are all of the test split."""
+        return self.all_places[(len(self.all_places) + 1) // 2 :]
+
+    @property
+    def most(self) -> int:
+        """Instructions that may be written."""
+        return self.budget or 2 * self.wish.count + SPARE
+
+    def map_speakers(self) -> dict[Names, Asking]:
+        """Backend -> how its questions are put."""
+        others = [(quota.backend,) for quota in self.wish.quotas if quota.backend]
+        all_names: list[Names] = list(dict.fromkeys([self.options.backend, *others]))
+        asking = replace(self.asking, turns=self.out)
+        if len(all_names) == 1:
+            return {all_names[0]: asking}
+        return {
+            each: replace(asking, record=find_record_path(asking.record, make_plain_name(each)))
+            for each in all_names
+        }
 
 
 @dataclass(frozen=True)
@@ -44,72 +109,50 @@ class OrderContext:
     """What the agent works with.
 
     Attributes:
-        places: intersections that take turns; held: those whose scenes are all of the test split.
-        writers: of the instructions, for each place.
-        budget: instructions that may be written in all; limit: longest a row may take [s].
-        asking: backend -> how its questions are put.
+        writers: of the instructions, for each place; asking: backend -> how its questions are put.
     """
 
-    wish: OrderSpec
+    order: Order
     batch: BatchFolder
     book: Book
-    places: tuple[str, ...]
-    held: tuple[str, ...]
     writers: Mapping[str, Writer]
-    options: Options
-    budget: int
-    workers: int
-    engine: Engine
-    limit: float
     asking: Mapping[Names, Asking]
     log: ProgressCallback
 
 
 def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
-    """The order's slots, with what was made for each; patterns are dealt out evenly."""
-    wish, spent = context.wish, 0
-    slots = tuple(build_slots(wish, seed=context.options.seed, places=context.places))
-    while True:
-        slots, due = write(slots, context, most=context.budget - spent)
-        spent += len(due)
-        jobs = build_jobs(
-            context.book.entries, slots, context.options, context.asking, held=context.held
-        )
-        context.batch.carry_out(
-            jobs, of=len(jobs), workers=context.workers, engine=context.engine,
-            limit=context.limit, log=context.log,
+    """Rounds, as long as slots are open and the budget is not spent; the slots as they end."""
+    order = context.order
+    slots = {
+        slot.number: slot
+        for slot in build_slots(order.wish, seed=order.options.seed, places=order.all_places)
+    }
+    left = order.most
+    while due := [slot for slot in slots.values() if slot.open][: max(left, 0)]:
+        left -= len(due)
+        due = [replace(slot, attempts=slot.attempts + 1) for slot in due]
+        slots.update({slot.number: slot for slot in due})
+        write_instructions(due, context)
+        jobs = build_jobs(order, context.book.entries, [*slots.values()], context.asking)
+        context.batch.carry_out(  # what is done is left alone
+            jobs, of=len(jobs), workers=order.workers, engine=order.engine,
+            limit=order.row_timeout, log=context.log,
         )  # fmt: skip
-        slots = settle(slots, due, context)
-        if spent >= context.budget or not any(slot.open for slot in slots):
-            return slots
+        for slot in due:
+            name = slot.row
+            done = context.batch.journal.get_entry(context.book.number[name])
+            if done is not None and done.code == "backend_failed":
+                slots[slot.number] = replace(slot, waiting=True)
+            elif done is not None and done.status == "made":
+                slots[slot.number] = replace(slot, filled=name)
+    return tuple(slots.values())
 
 
-def write(
-    slots: Sequence[Slot], context: OrderContext, *, most: int
-) -> tuple[tuple[Slot, ...], list[OrderEntry]]:
-    """The slots, and an instruction for each open one, as far as the budget goes."""
-    due = [slot for slot in slots if slot.open][:most]
-    tried = {slot.number: replace(slot, attempts=slot.attempts + 1) for slot in due}
-    new = [each for each in tried.values() if not context.book.find(each.number, each.attempts)]
-    for slot, wording in zip(new, _word_slots(new, context), strict=True):
-        context.book.add(_build_entry(slot, wording, context))
-    found = (context.book.find(each.number, each.attempts) for each in tried.values())
-    entries = [each for each in found if each is not None]
-    return tuple(tried.get(slot.number, slot) for slot in slots), entries
-
-
-def settle(
-    slots: Sequence[Slot], due: Sequence[OrderEntry], context: OrderContext
-) -> tuple[Slot, ...]:
-    """A slot is filled by a scene; one that shows something else was refused when it was made."""
-    found = {slot.number: slot for slot in slots}
-    for entry in due:
-        done = context.batch.journal.get_entry(context.book.number[entry.id])
-        if done is not None and done.code == "backend_failed":
-            found[entry.slot] = replace(found[entry.slot], waiting=True)
-        elif done is not None and done.status == "made":
-            found[entry.slot] = replace(found[entry.slot], filled=entry.id)
-    return tuple(found.values())
+def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
+    """Words each slot that has no instruction of this attempt yet, and enters it in the book."""
+    new = [slot for slot in due if not context.book.find(slot.number, slot.attempts)]
+    for entry in _word_slots(new, context):
+        context.book.add(entry)
 
 
 def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterator[Slot]:
@@ -144,79 +187,48 @@ def _choose_id_prefixes(wish: OrderSpec) -> dict[str, str]:
     }
 
 
-def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[Wording]:
+def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[OrderEntry]:
     """Word slots in their order; templates on all workers, as each text is read back."""
-    tasks = [
-        WordingTask(
-            slot,
-            context.wish,
-            context.options,
-            tuple(
-                each.text
-                for k in range(1, slot.attempts)
-                if (each := context.book.find(slot.number, k)) is not None
-            ),
-        )
-        for slot in slots
-    ]
+    tasks = []
+    for slot in slots:
+        earlier = (context.book.find(slot.number, k) for k in range(1, slot.attempts))
+        texts = tuple(each.text for each in earlier if each is not None)
+        tasks.append(WordingTask(slot, context.order.wish, context.order.options, texts))
     clock = ProgressClock(len(tasks), context.log, what="texts")
     if len(tasks) < FEW or any(each.name != "builtin" for each in context.writers.values()):
         for task in tasks:
             yield word_slot(task, context.writers[task.slot.intersection], context.book.texts)
             clock.log_end("made", now=True)
         return
-    done: dict[int, Wording] = {}
+    done: dict[int, OrderEntry] = {}
     waiting = deque(task.slot.number for task in tasks)
-    for task, result in spread(tasks, word_by_templates, workers=context.workers):
-        worded = result if isinstance(result, Wording) else word_by_templates(task)
+    for task, result in spread(tasks, word_by_templates, workers=context.order.workers):
+        worded = result if isinstance(result, OrderEntry) else word_by_templates(task)
         done[task.slot.number] = worded
         clock.log_end("made", now=True)
         while waiting and waiting[0] in done:
             yield done.pop(waiting.popleft())
 
 
-def _build_entry(slot: Slot, wording: Wording, context: OrderContext) -> OrderEntry:
-    background = context.wish.context.background
-    return OrderEntry(
-        id=slot.name if slot.attempts == 1 else f"{slot.name}-try{slot.attempts}",
-        slot=slot.number,
-        attempt=slot.attempts,
-        event=slot.quota.event,
-        leaf=wording.leaf,
-        voice=wording.written.voice,
-        text=wording.written.text,
-        seed=wording.seed,
-        backend=list(choose_planner(slot, context.options)),
-        background=None if background is None else background.model_dump(exclude_none=True),
-        intersection=slot.intersection,
-    )
-
-
 def build_jobs(
+    order: Order,
     entries: Iterable[OrderEntry],
     slots: Sequence[Slot],
-    options: Options,
     asking: Mapping[Names, Asking],
-    *,
-    held: Sequence[str] = (),
 ) -> list[Job]:
     """The jobs of all that was written."""
+    options = order.options
     return [
         Job(
-            number=number,
-            key=entry.id,
-            folder=entry.id,
-            text=entry.text,
-            seed=entry.seed,
+            number=number, key=entry.id, folder=entry.id, text=entry.text, seed=entry.seed,
             options=replace(
                 options, intersection=entry.intersection or options.intersection,
                 backend=tuple(entry.backend), base_url=find_url(entry.backend, options.base_url),
             ),
             context={} if entry.background is None else {"background": entry.background},
-            asked=entry.event,
-            voice=entry.voice,
+            asked=entry.event, voice=entry.voice,
             wanted=slots[entry.slot].quota.leaves,
-            split="test" if entry.intersection in held else None,
+            split="test" if entry.intersection in order.held else None,
             asking=asking[tuple(entry.backend)],
         )
         for number, entry in enumerate(entries)

@@ -194,7 +194,11 @@ def _parse_count(words: list[str], at: int) -> tuple[int, int] | None:
     span = words[begin : _end_of(words, begin)]
     if {"background", "other"} & set(span):
         return None
-    named = any(_find_kind(word) for word in span) or _is_known(span)
+    stems = [_make_singular(word) for word in span if word not in _EMPTY]
+    known = {part for pattern in load_patterns() for part in _list_vocabulary(pattern)}
+    named = any(_find_kind(word) for word in span) or any(
+        stem in known or stem in _RIDERS or _MEANS.get(stem) for stem in stems
+    )
     each = bool({"each", "every", "scene", "scenes", "event", "events"} & set(span))
     return (count, begin) if named or each else None
 
@@ -240,12 +244,6 @@ def _make_singular(word: str) -> str:
         if word.endswith(end) and not word.endswith("ss"):
             return word.removesuffix(end) + without
     return word
-
-
-def _is_known(span: list[str]) -> bool:
-    every = {part for pattern in load_patterns() for part in _list_vocabulary(pattern)}
-    stems = [_make_singular(word) for word in span if word not in _EMPTY]
-    return any(stem in every or stem in _RIDERS or _MEANS.get(stem) for stem in stems)
 
 
 def _parse_quotas(span: list[str], count: int) -> list[Quota]:
@@ -338,10 +336,6 @@ def _parse_setting(rest: str) -> tuple[tuple[tuple[int, int], ...], SceneContext
     context = SceneContext.model_validate(reply.get("context") or {})
     named = next((_WINDOWS[words] for words in _WINDOWS if re.search(rf"\b{words}\b", rest)), None)
     if named is None and context.time_of_day is not None:
-        named = (_parse_minutes(context.time_of_day),)
+        ends = [60 * int(part[:2]) + int(part[3:]) for part in context.time_of_day.split("-")]
+        named = ((ends[0], ends[-1]),)
     return named or (), context.model_copy(update={"time_of_day": None})
-
-
-def _parse_minutes(text: str) -> tuple[int, int]:
-    ends = [int(part[:2]) * 60 + int(part[3:]) for part in text.split("-")]
-    return ends[0], ends[-1]

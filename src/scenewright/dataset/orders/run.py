@@ -5,41 +5,33 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.answering import (
-    PLAINLY,
     Asking,
     Names,
     check_asking,
     find_record_path,
     find_url,
-    make_plain_name,
 )
-from scenewright.dataset.batch.carry_out import BatchFolder, Engine, ProgressCallback
+from scenewright.dataset.batch.carry_out import BatchFolder, ProgressCallback
 from scenewright.dataset.batch.finish import finish
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.run import (
     MOST_WORKERS,
-    ROW_TIMEOUT,
     check_options,
     check_row_timeout,
     hash_bundle,
     list_settings,
 )
-from scenewright.dataset.batch.worker import Options, format_json_line
-from scenewright.dataset.orders.agent import (
-    OrderContext,
-    build_jobs,
-    fill_slots,
-)
-from scenewright.dataset.orders.order_log import BOOK, Book
+from scenewright.dataset.batch.worker import format_json_line
+from scenewright.dataset.orders.agent import Order, OrderContext, build_jobs, fill_slots
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
-from scenewright.dataset.orders.wording import Slot
+from scenewright.dataset.orders.wording import BOOK, Book, Slot
 from scenewright.dataset.orders.writers import load_writer
 from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
@@ -49,63 +41,6 @@ from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import SceneContext
 
 REPORT = "report.json"
-SPARE = 20
-"""Instructions beyond twice the scenes that a budget has if none is named."""
-
-
-@dataclass(frozen=True)
-class Order:
-    """What the agent was asked for.
-
-    Attributes:
-        text: the order as given, for the record; wish: as it was understood.
-        places: intersections, if not the options' one alone; the later half of them is held out:
-            their scenes are the test split.
-        writer: name of the writer of the instructions.
-        budget: most instructions; None: twice the scenes + 20.
-        row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
-            are asked, each has a file of answers of its own beside the one that is named.
-    """
-
-    text: str
-    wish: OrderSpec
-    out: Path
-    options: Options
-    places: tuple[str, ...] = ()
-    writer: str = "builtin"
-    budget: int | None = None
-    workers: int = 1
-    engine: Engine = "process"
-    title: str = "Traffic scenes to order"
-    row_timeout: float = ROW_TIMEOUT
-    asking: Asking = PLAINLY
-
-    @property
-    def all_places(self) -> tuple[str, ...]:
-        """Where its scenes are made."""
-        return self.places or (self.options.intersection,)
-
-    @property
-    def held(self) -> tuple[str, ...]:
-        """Places whose scenes are all of the test split."""
-        return self.all_places[(len(self.all_places) + 1) // 2 :]
-
-    @property
-    def most(self) -> int:
-        """Instructions that may be written."""
-        return self.budget or 2 * self.wish.count + SPARE
-
-    def map_speakers(self) -> dict[Names, Asking]:
-        """Backend -> how its questions are put."""
-        others = [(quota.backend,) for quota in self.wish.quotas if quota.backend]
-        all_names: list[Names] = list(dict.fromkeys([self.options.backend, *others]))
-        asking = replace(self.asking, turns=self.out)
-        if len(all_names) == 1:
-            return {all_names[0]: asking}
-        return {
-            each: replace(asking, record=find_record_path(asking.record, make_plain_name(each)))
-            for each in all_names
-        }
 
 
 def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, Any]:
@@ -131,12 +66,7 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
     header = build_order_header(order)
     with BatchFolder(order.out, header=header) as batch:
         book = Book(order.out)
-        context = OrderContext(
-            wish=order.wish, batch=batch, book=book, places=order.all_places, held=order.held,
-            writers=writers, options=order.options,
-            budget=order.most, workers=order.workers, engine=order.engine,
-            limit=order.row_timeout, asking=speakers, log=log,
-        )  # fmt: skip
+        context = OrderContext(order, batch, book, writers, speakers, log)
         before = _list_sizes(order.out)
         slots = fill_slots(context)
         with batch.lock_journals() as journal:
@@ -145,7 +75,7 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
                 write_atomically(order.out / REPORT, format_json_line(report))
                 finish(
                     order.out,
-                    build_jobs(book.entries, slots, order.options, speakers, held=order.held),
+                    build_jobs(order, book.entries, slots, speakers),
                     journal,
                     about={key: value for key, value in header.items() if key != "journal"},
                     given=len(book.entries),
@@ -190,22 +120,16 @@ def build_order_header(order: Order) -> dict[str, Any]:
         "writer": order.writer,
         "budget": order.most,
         **list_settings(order.options),
-        **(
-            {"intersections": {name: hash_bundle(name) for name in order.places}}
-            if order.places
-            else {}
-        ),
-    }
+    } | (
+        {"intersections": {name: hash_bundle(name) for name in order.places}}
+        if order.places
+        else {}
+    )
 
 
 def report_of(order: Order, slots: Sequence[Slot], book: Book, journal: Journal) -> dict[str, Any]:
     """What was wanted, what there is, and why the rest could not be."""
-    quotas = [
-        _report_quota(
-            quota, [slot for slot in slots if slot.quota == quota], book, journal, order.out
-        )
-        for quota in order.wish.quotas
-    ]
+    quotas = [_report_quota(quota, slots, book, journal, order.out) for quota in order.wish.quotas]
     return {
         "order": order.text,
         "understood": order.wish.lines(),
@@ -222,12 +146,9 @@ def report_of(order: Order, slots: Sequence[Slot], book: Book, journal: Journal)
 
 
 def _report_quota(
-    quota: Quota,
-    slots: Sequence[Slot],
-    book: Book,
-    journal: Journal,
-    out: Path,
+    quota: Quota, all_slots: Sequence[Slot], book: Book, journal: Journal, out: Path
 ) -> dict[str, Any]:
+    slots = [slot for slot in all_slots if slot.quota == quota]
     mine = {slot.number for slot in slots}
     leaves, refused = Counter[str](dict.fromkeys(quota.leaves, 0)), Counter[str]()
     for slot in slots:

@@ -79,9 +79,8 @@ def list_parties(
     options = _list_meetings(pattern, intersection_map)
     met = bool(options) and options[0][1].tie is not None
     if not options or (detail == 0 and not met):
-        return _make_bare_party(pattern.from_, kinds[0], rng), _make_bare_party(
-            pattern.to, kinds[1], rng
-        )
+        bare = _make_bare_party(pattern.from_, kinds[0], rng)
+        return bare, _make_bare_party(pattern.to, kinds[1], rng)
     first, second = (
         replace(party, type=kind)
         for party, kind in zip(options[int(rng.integers(len(options)))], kinds, strict=True)

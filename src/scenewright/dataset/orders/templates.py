@@ -177,9 +177,8 @@ def _format_clock(minute: int, rng: np.random.Generator) -> str:
     twelve = (hour - 1) % 12 + 1
     ways = [f"{hour:02d}:{rest:02d}", f"{twelve}:{rest:02d} {half}"]
     if rest == 0:
-        ways += [f"{twelve} {half}", f"{twelve} o'clock in the morning"] if 1 <= hour < 12 else [
-            f"{twelve} {half}"
-        ]  # fmt: skip
+        ways.append(f"{twelve} {half}")
+        ways += [f"{twelve} o'clock in the morning"] if 1 <= hour < 12 else []
     if rest == 30:
         ways.append(f"half past {twelve} {half}")
     return _draw_one(ways, rng)
@@ -202,13 +201,10 @@ def _render_party(party: Party, name: str, rng: np.random.Generator) -> str:
         return f"an oncoming {words}"
     if party.tie == "cross":
         return f"{_choose_article(words)} {words} {_draw_one(('on', 'from'), rng)} the cross street"
-    return f"{_choose_article(words)} {words}{_render_origin(party, rng)}"
-
-
-def _render_origin(party: Party, rng: np.random.Generator) -> str:
-    if party.side is None:
-        return ""
-    return _draw_one((f" from the {party.side}", f" coming from the {party.side}"), rng)
+    origin = ""
+    if party.side is not None:
+        origin = _draw_one((f" from the {party.side}", f" coming from the {party.side}"), rng)
+    return f"{_choose_article(words)} {words}{origin}"
 
 
 def _render_walking(party: Party, name: str, rng: np.random.Generator) -> str:
@@ -217,12 +213,8 @@ def _render_walking(party: Party, name: str, rng: np.random.Generator) -> str:
     if party.tie == "corner":
         return f"{_choose_article(name)} {name} at the corner"
     if party.crosswalk is None:
-        return _draw_one(
-            (f"{_choose_article(name)} {name} on the crosswalk", f"a crossing {name}")[
-                : 1 + (party.type == "pedestrian")
-            ],
-            rng,
-        )
+        ways = (f"{_choose_article(name)} {name} on the crosswalk", f"a crossing {name}")
+        return _draw_one(ways[: 1 + (party.type == "pedestrian")], rng)
     where = (
         f"on the {party.crosswalk} crosswalk", f"crossing the {party.crosswalk} leg",
         f"in the {party.crosswalk} crosswalk",

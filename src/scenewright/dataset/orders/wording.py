@@ -1,16 +1,24 @@
-"""The wording of a slot of an order: a story is thought up, written and read back."""
+"""The wording of a slot of an order: thought up, written and read back; and the book of them.
+
+The book, order.jsonl, is append-only, and written before the scenes are made: an order that is
+killed goes on with the same texts, written by a model or not.
+"""
 
 from __future__ import annotations
 
+import json
+import os
 import zlib
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from scenewright.dataset.batch.answering import BUILTIN, Names
-from scenewright.dataset.batch.worker import Options
+from scenewright.dataset.batch.worker import Options, format_json_line
 from scenewright.dataset.orders.order_spec import OrderSpec, Quota
 from scenewright.dataset.orders.scenario_spec import (
     Party,
@@ -21,10 +29,80 @@ from scenewright.dataset.orders.scenario_spec import (
 )
 from scenewright.dataset.orders.templates import list_voices, render_text
 from scenewright.dataset.orders.writers import BuiltinWriter, StoryRequest, Writer, WrittenText
+from scenewright.errors import InputError
 from scenewright.intersections import load_map
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import Density
 from scenewright.tools.map_grounding.grounding import can_be_lawful
+
+BOOK = "order.jsonl"
+
+
+@dataclass(frozen=True)
+class OrderEntry:
+    """One instruction.
+
+    Attributes:
+        id: of its row; slot: which of the order's scenes it is for; attempt: from 1 on.
+        event, leaf: what it is to show; voice: how it is worded.
+        backend: name of the planner; background: numbers that the order fixes.
+        intersection: where it happens, if the order names several places.
+    """
+
+    id: str
+    slot: int
+    attempt: int
+    event: str
+    leaf: str | None
+    voice: str
+    text: str
+    seed: int
+    backend: list[str]
+    background: dict[str, Any] | None = None
+    intersection: str | None = None
+
+
+class Book:
+    """The instructions so far.
+
+    Attributes:
+        entries: in the order in which they were written; number: id -> place among them.
+        texts: all of them.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Reads what an earlier run wrote; a line that a kill cut short is dropped.
+
+        Raises:
+            InputError: the file is damaged.
+        """
+        self._file = folder / BOOK
+        self._file.touch()
+        data = self._file.read_bytes()
+        whole = data[: data.rfind(b"\n") + 1]
+        if len(whole) < len(data):
+            os.truncate(self._file, len(whole))
+        try:
+            self.entries = [OrderEntry(**json.loads(line)) for line in whole.splitlines()]
+        except (ValueError, TypeError) as error:
+            raise InputError(f"{self._file} is damaged; begin in another folder") from error
+        self._known = {(each.slot, each.attempt): each for each in self.entries}
+        self.number = {each.id: k for k, each in enumerate(self.entries)}
+        self.texts = {each.text for each in self.entries}
+
+    def find(self, slot: int, attempt: int) -> OrderEntry | None:
+        """What was written for this attempt at a slot."""
+        return self._known.get((slot, attempt))
+
+    def add(self, entry: OrderEntry) -> None:
+        """Writes one more."""
+        with self._file.open("ab", buffering=0) as stream:
+            stream.write(format_json_line(asdict(entry)))
+        self.number[entry.id] = len(self.entries)
+        self.entries.append(entry)
+        self.texts.add(entry.text)
+        self._known[entry.slot, entry.attempt] = entry
+
 
 REWORDED = 2
 """Attempts at one pattern before another one of the kind takes its place."""
@@ -62,6 +140,11 @@ class Slot:
         """Whether another instruction may fill it."""
         return self.filled is None and not self.waiting
 
+    @property
+    def row(self) -> str:
+        """The id of the row of its last attempt."""
+        return self.name if self.attempts == 1 else f"{self.name}-try{self.attempts}"
+
 
 @dataclass(frozen=True)
 class WordingTask:
@@ -77,16 +160,7 @@ class WordingTask:
     earlier: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Wording:
-    """A text for a slot, and the seed of its scene."""
-
-    leaf: str | None
-    written: WrittenText
-    seed: int
-
-
-def word_by_templates(task: WordingTask) -> Wording:
+def word_by_templates(task: WordingTask) -> OrderEntry:
     """Word a slot by the builtin templates; as a worker does, for which a place is loaded once."""
     writer = _load_templates(task.slot.intersection, task.options.lawful)
     return word_slot(task, writer, ())
@@ -97,7 +171,7 @@ def _load_templates(intersection: str, lawful: bool) -> BuiltinWriter:
     return BuiltinWriter(load_map(intersection), lawful=lawful)
 
 
-def word_slot(task: WordingTask, writer: Writer, taken: Collection[str]) -> Wording:
+def word_slot(task: WordingTask, writer: Writer, taken: Collection[str]) -> OrderEntry:
     """Word a slot; a story that the place has no room for is thought up anew.
 
     Args:
@@ -115,7 +189,13 @@ def word_slot(task: WordingTask, writer: Writer, taken: Collection[str]) -> Word
     else:  # written as it is: the pipeline will report what is wrong with it
         voice = list_voices(story)[0]
         written = WrittenText(render_text(story, voice, rng), voice, STORIES)
-    return Wording(story.leaf, written, int(rng.integers(2**31)))
+    background = task.wish.context.background
+    return OrderEntry(
+        id=slot.row, slot=slot.number, attempt=slot.attempts, event=slot.quota.event,
+        leaf=story.leaf, voice=written.voice, text=written.text, seed=int(rng.integers(2**31)),
+        backend=list(choose_planner(slot, options)), intersection=slot.intersection,
+        background=None if background is None else background.model_dump(exclude_none=True),
+    )  # fmt: skip
 
 
 def choose_planner(slot: Slot, options: Options) -> Names:

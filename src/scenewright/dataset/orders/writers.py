@@ -77,8 +77,7 @@ class BuiltinWriter:
     name = "builtin"
 
     def __init__(self, intersection_map: IntersectionMap, *, lawful: bool = False) -> None:
-        self._reader, self._on = load_backend("builtin"), intersection_map
-        self._lawful = lawful
+        self._reader = TextReader(intersection_map, lawful=lawful)
 
     def write_text(
         self, story: Story, asked: StoryRequest, *, rng: np.random.Generator
@@ -88,75 +87,82 @@ class BuiltinWriter:
         for k in range(TRIES):
             voice = voices[(asked.turn + k) % len(voices)]
             text = render_text(story, voice, rng)
-            if text not in asked.avoid and is_read_as(
-                self._reader, text, story, intersection_map=self._on, lawful=self._lawful
-            ):
+            if text not in asked.avoid and self._reader.is_read_as(text, story):
                 return WrittenText(text, voice, k)
         return None
 
 
-def is_read_as(
-    reader: Backend,
-    text: str,
-    story: Story,
-    *,
-    intersection_map: IntersectionMap,
-    lawful: bool = False,
-) -> bool:
-    """Whether a text is understood as its story, and whether the map has room for it.
+class TextReader:
+    """Reads texts as the builtin planner does, at one place.
 
     Args:
-        lawful: there must be room without a red light that is run unasked.
+        lawful: there must be room for a text without a red light that is run unasked.
     """
-    graph = _read_back(reader, text, intersection_map)
-    if graph is None:
-        return False
-    context = graph.context
-    if (context.density, context.time_of_day) != (story.density, story.clock):
-        return False
-    if story.leaf is None:
-        kinds = sorted(agent.type for agent in graph.agents)
-        wanted = sorted(party.type for party in story.parties)
-        return not graph.relations and kinds == wanted and context.background is None
-    if context.background is not None or not _has_same_event(graph, story):
-        return False
-    if lawful and (story.runner is None) != (not find_asked_runners(graph)):
-        return False
-    return _is_pattern_certain(graph, story.leaf, intersection_map, lawful=lawful)
 
+    def __init__(self, intersection_map: IntersectionMap, *, lawful: bool = False) -> None:
+        self._backend, self._on, self._lawful = load_backend("builtin"), intersection_map, lawful
 
-def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) -> SocialGraph | None:
-    """The social graph of a text; None if it is refused or the map has no room for it."""
-    reply = reader.answer(Question(task="plan", facts=_list_requested(text, intersection_map)))
-    if "agents" not in reply:
-        return None
-    graph = SocialGraph.model_validate(reply)
-    try:
-        ground_graph(graph, intersection_map=intersection_map)
-    except Rejected:
-        return None
-    return graph
+    def _read(self, text: str) -> dict[str, Any]:
+        legs = [leg.name for leg in self._on.legs]
+        facts = {"instruction": text, "previous": None, "legs": legs}
+        return self._backend.answer(Question(task="plan", facts=facts))
 
+    def is_read_as(self, text: str, story: Story) -> bool:
+        """Whether a text is understood as its story, and whether the map has room for it."""
+        reply = self._read(text)
+        if "agents" not in reply:
+            return False
+        graph = SocialGraph.model_validate(reply)
+        context = graph.context
+        if (context.density, context.time_of_day) != (story.density, story.clock):
+            return False
+        try:
+            grounding = ground_graph(graph, intersection_map=self._on)
+        except Rejected:
+            return False
+        if story.leaf is None:
+            kinds = sorted(agent.type for agent in graph.agents)
+            wanted = sorted(party.type for party in story.parties)
+            return not graph.relations and kinds == wanted and context.background is None
+        if context.background is not None or not _has_same_event(graph, story):
+            return False
+        if self._lawful and (story.runner is None) != (not find_asked_runners(graph)):
+            return False
+        # No other pattern is left to be drawn, so that patterns come out even.
+        draws = (
+            next(find_assignments(graph, grounding, intersection_map=self._on,
+                                  rng=np.random.default_rng(k), lawful=self._lawful), None)
+            for k in range(_CASTS)
+        )  # fmt: skip
+        return all(each is not None and each.patterns[0].pattern == story.leaf for each in draws)
 
-def _is_pattern_certain(
-    graph: SocialGraph, leaf: str, intersection_map: IntersectionMap, *, lawful: bool
-) -> bool:
-    """Whether the text leaves no other pattern to be drawn, so that patterns come out even."""
-    grounding = ground_graph(graph, intersection_map=intersection_map)
-    draws = (
-        next(
-            find_assignments(
-                graph,
-                grounding,
-                intersection_map=intersection_map,
-                rng=np.random.default_rng(k),
-                lawful=lawful,
-            ),
-            None,
-        )
-        for k in range(_CASTS)
-    )
-    return all(drawn is not None and drawn.patterns[0].pattern == leaf for drawn in draws)
+    def describe_misreading(self, text: str, story: Story, *, strict: bool) -> str | None:
+        """What a text says that its story does not, as feedback for the writer; None if nothing.
+
+        Args:
+            strict: whether it must be understood; else only a contradiction counts, as a text may
+                be clear to others that cannot be read here.
+        """
+        if strict and self.is_read_as(text, story):
+            return None
+        reply = self._read(text)
+        if "agents" not in reply:
+            return f"it is refused: {reply.get('reason')}" if strict else None
+        graph = SocialGraph.model_validate(reply)
+        events: set[str] = {EVENT_OF_RELATION[each.type] for each in graph.relations} or {"normal"}
+        if events != {story.event}:
+            return f"it describes {' and '.join(sorted(events))}, the story is of {story.event}"
+        for name, found, wanted in (
+            ("density of traffic", graph.context.density, story.density),
+            ("time", graph.context.time_of_day, story.clock),
+        ):
+            if found != wanted and (strict or found is not None):
+                is_, was = (each or "not given" for each in (found, wanted))
+                return f"its {name} is {is_}, the story's is {was}"
+        if graph.context.background is not None:
+            return "it names agents that the story does not have; leave them out"
+        what = "the agents, their approaches or their movements are not as in the story"
+        return f"{what}, or not all given" if strict else None
 
 
 def _has_same_event(graph: SocialGraph, story: Story) -> bool:
@@ -178,53 +184,6 @@ def _has_same_event(graph: SocialGraph, story: Story) -> bool:
         and (party.crosswalk is None or end.crosswalk == party.crosswalk)
         for end, party in zip(ends, story.parties, strict=True)
     )
-
-
-def describe_misreading(
-    reader: Backend,
-    text: str,
-    story: Story,
-    *,
-    intersection_map: IntersectionMap,
-    strict: bool,
-    lawful: bool = False,
-) -> str | None:
-    """What a text says that its story does not, as feedback for the writer; None if nothing.
-
-    Args:
-        strict: whether the reader must understand it; else only a contradiction counts, as a text
-            may be clear to others that the reader cannot read.
-    """
-    if strict and is_read_as(reader, text, story, intersection_map=intersection_map, lawful=lawful):
-        return None
-    reply = reader.answer(Question(task="plan", facts=_list_requested(text, intersection_map)))
-    if "agents" not in reply:
-        return f"it is refused: {reply.get('reason')}" if strict else None
-    graph = SocialGraph.model_validate(reply)
-    events: set[str] = {EVENT_OF_RELATION[each.type] for each in graph.relations} or {"normal"}
-    if events != {story.event}:
-        return f"it describes {' and '.join(sorted(events))}, the story is of {story.event}"
-    for name, found, wanted in (
-        ("density of traffic", graph.context.density, story.density),
-        ("time", graph.context.time_of_day, story.clock),
-    ):
-        if found != wanted and (strict or found is not None):
-            return f"its {name} is {found or 'not given'}, the story's is {wanted or 'not given'}"
-    if graph.context.background is not None:
-        return "it names agents that the story does not have; leave them out"
-    return (
-        "the agents, their approaches or their movements are not as in the story, or not all given"
-        if strict
-        else None
-    )
-
-
-def _list_requested(text: str, intersection_map: IntersectionMap) -> dict[str, Any]:
-    return {
-        "instruction": text,
-        "previous": None,
-        "legs": [leg.name for leg in intersection_map.legs],
-    }
 
 
 _RULES = """You write instructions for a traffic simulator, as many different people would: short
@@ -255,14 +214,9 @@ class ModelWriter:
     def __init__(
         self, backend: Backend, intersection_map: IntersectionMap, *, lawful: bool = False
     ) -> None:
-        self.name = backend.name
-        self._backend, self._else, self._on = (
-            backend,
-            BuiltinWriter(intersection_map, lawful=lawful),
-            intersection_map,
-        )
-        self._lawful = lawful
-        self._reader = load_backend("builtin")
+        self.name, self._backend = backend.name, backend
+        self._else = BuiltinWriter(intersection_map, lawful=lawful)
+        self._reader = TextReader(intersection_map, lawful=lawful)
 
     def write_text(
         self, story: Story, asked: StoryRequest, *, rng: np.random.Generator
@@ -310,14 +264,7 @@ class ModelWriter:
             return f"a text has {LENGTH[0]} to {LENGTH[1]} printable characters"
         if text in asked.avoid or text in asked.taken:
             return "this very text was written before; word it differently"
-        return describe_misreading(
-            self._reader,
-            text,
-            story,
-            intersection_map=self._on,
-            strict=asked.grammar,
-            lawful=self._lawful,
-        )
+        return self._reader.describe_misreading(text, story, strict=asked.grammar)
 
 
 def build_facts(story: Story) -> dict[str, Any]:

@@ -1,13 +1,16 @@
-"""The card of a dataset: what it is, its licence, its schema and its counts, as README.md."""
+"""The card of a dataset, README.md, and croissant.json, MLCommons' Croissant 1.0 for loaders."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from typing import Any
 
 from scenewright.dataset.tables.coverage import Covered
+from scenewright.dataset.tables.markdown import escape_markdown, format_table
 from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
 
 LICENCE = "apache-2.0"
@@ -121,13 +124,12 @@ def _format_front_matter(contents: Contents) -> str:
 
 
 def _format_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    head = [title, "", f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
-    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows)])
+    """A table under its title; nothing without a row."""
+    listed = list(rows)
+    return f"{title}\n\n{format_table(columns, listed)}" if listed else ""
 
 
 def _format_counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str:
-    if not counts:
-        return ""
     ordered = list(counts.items())
     if all(isinstance(count, int) for count in counts.values()):
         ordered.sort()
@@ -147,8 +149,6 @@ def _format_events(events: Mapping[tuple[str, str], int]) -> str:
 
 def _format_causes(causes: Mapping[tuple[str, str], int]) -> str:
     """Why the events that were asked for came about, with the share among those of their type."""
-    if not causes:
-        return ""
     totals = Counter[str]()
     for (kind, _), count in causes.items():
         totals[kind] += count
@@ -162,8 +162,6 @@ def _format_causes(causes: Mapping[tuple[str, str], int]) -> str:
 
 
 def _format_statistics(rows: Sequence[tuple[str, str, str]]) -> str:
-    if not rows:
-        return ""
     columns = ("figure", "values", "5 % / median / 95 %")
     cells = [(escape_markdown(figure), *others) for figure, *others in rows]
     return _format_table("## What the scenes show", columns, cells)
@@ -171,8 +169,6 @@ def _format_statistics(rows: Sequence[tuple[str, str, str]]) -> str:
 
 def _format_coverage(covered: Sequence[Covered]) -> str:
     """What `scenewright coverage` tells of the scenes that are verified."""
-    if not covered:
-        return ""
     cells = []
     for each in covered:
         met = ", ".join(f"{' and '.join(bin_)} ({n})" for bin_, n in each.counts.items() if n)
@@ -203,7 +199,67 @@ def _flatten(about: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def escape_markdown(text: str, *, longest: int = 200) -> str:
-    """Text from anywhere on one line of at most so many characters, without active markup."""
-    line = " ".join(text.split())[:longest]
-    return "".join(f"\\{char}" if char in "|<>[]`*_\\" else char for char in line)
+_CONTEXT: Mapping[str, Any] = json.loads(
+    resources.files("scenewright.dataset.tables")
+    .joinpath("croissant_context.json")
+    .read_text("utf-8")
+)
+"""The JSON-LD context that version 1.0 of the format prescribes."""
+_TYPES = {
+    "string": "sc:Text", "list": "sc:Text", "bool": "sc:Boolean", "int64": "sc:Integer",
+    "int32": "sc:Integer", "int16": "sc:Integer", "ids": "sc:Integer", "float64": "sc:Float",
+    "float32": "sc:Float", "floats": "sc:Float",
+}  # fmt: skip
+_LISTS = ("list", "ids", "floats")
+
+
+def describe_in_croissant(
+    *, name: str, description: str, licence: str, version: str, tables: Sequence[str]
+) -> bytes:
+    """The file's bytes.
+
+    Args:
+        licence: address of the licence's text; version: of scenewright.
+        tables: those that have rows.
+    """
+    value = {
+        "@context": _CONTEXT,
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "name": name,
+        "description": description,
+        "license": licence,
+        "citeAs": f"The scenewright contributors: {name}. Made with scenewright {version}.",
+        "version": version,
+        "isLiveDataset": False,
+        "distribution": [
+            {
+                "@type": "cr:FileSet",
+                "@id": f"files-of-{table}",
+                "name": f"files-of-{table}",
+                "encodingFormat": "application/x-parquet",
+                "includes": f"tables/{table}/*.parquet",
+            }
+            for table in tables
+        ],
+        "recordSet": [
+            {"@type": "cr:RecordSet", "@id": table, "name": table,
+             "field": [_describe_field(table, column) for column in SCHEMAS[table]]}
+            for table in tables
+        ],
+    }  # fmt: skip
+    return (json.dumps(value, ensure_ascii=False, indent=1) + "\n").encode("utf-8")
+
+
+def _describe_field(table: str, column: str) -> dict[str, Any]:
+    kind, meaning = SCHEMAS[table][column]
+    extract = {"fileSet": {"@id": f"files-of-{table}"}, "extract": {"column": column}}
+    found = {
+        "@type": "cr:Field",
+        "@id": f"{table}/{column}",
+        "name": column,
+        "description": meaning,
+        "dataType": _TYPES[kind],
+        "source": extract,
+    }
+    return found | {"repeated": True} if kind in _LISTS else found

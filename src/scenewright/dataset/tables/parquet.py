@@ -18,14 +18,14 @@ from typing import Any, Self, get_args
 
 import numpy as np
 
-from scenewright.dataset.tables.map_rows import list_map_rows
 from scenewright.dataset.tables.splits import SPLITS, Split
 from scenewright.extras import require_extra
 from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
-from scenewright.scene.base import AgentClass
+from scenewright.scene.base import AgentClass, Point
 from scenewright.scene.called import call_agents
 from scenewright.scene.events import Proof
+from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import VEHICLE_SIZES
 
@@ -96,54 +96,51 @@ def build_rows(files: SceneFiles) -> dict[str, Any]:
     }
 
 
+_OF_META = (
+    "intersection", "scene_id", "time_of_day", "timestamp", "density", "duration", "step",
+)  # fmt: skip
+
+
 def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
     scene, about = files.scene or {}, files.provenance or {}
     meta, agents = scene["meta"], scene["agents"]
     proof = Proof.model_validate(files.proof)
     return {
         **files.about,
-        "intersection": meta["intersection"],
+        **{key: meta[key] for key in _OF_META},
         "refiner": about.get("refiner"),
         "selection": about.get("selection"),
         "patterns": list(about.get("patterns", [])),
-        "scene_id": meta["scene_id"],
         "verified": proof.verified,
         "verdict": proof.verdict,
         "not_shown": [each.words for each in proof.list_words("not_shown")],
         "unasked_red_lights": proof.unasked_red_lights,
         "relations": [each["type"] for each in scene["relations"]],
-        "time_of_day": meta["time_of_day"],
-        "timestamp": meta["timestamp"],
-        "density": meta["density"],
-        "duration": meta["duration"],
-        "step": meta["step"],
         **{
             f"{kind}s": sum(agent["type"] == kind for agent in agents)
             for kind in get_args(AgentClass)
         },
-        "foreground": sum(agent["role"] == "foreground" for agent in agents),
-        "background": sum(agent["role"] == "background" for agent in agents),
+        **{
+            role: sum(agent["role"] == role for agent in agents)
+            for role in ("foreground", "background")
+        },
         "objects": _format_json(scene["objects"]) if scene.get("objects") else None,
     }
 
 
 def _build_agent_row(row: str, agent: Mapping[str, Any], step: float) -> dict[str, Any]:
-    same = ("name", "type", "subtype", "role", "entry", "exit", "movement", "crosswalk", "route")
+    same = ("name", "type", "subtype", "role", "entry", "exit", "movement", "crosswalk", "route",
+            "length", "width", "violates_signal")  # fmt: skip
     start = agent["spawn_time"]
     return {
         "row": row,
         "agent": agent["id"],
         **{key: agent[key] for key in same},
+        **{key: agent.get(key) for key in ("reaction", "motion", "group")},
         "start": start,
         "end": round(start + step * (len(agent["trajectory"]) - 1), 3),
         "goal_x": agent["goal"][0],
         "goal_y": agent["goal"][1],
-        "length": agent["length"],
-        "width": agent["width"],
-        "violates_signal": agent["violates_signal"],
-        "reaction": agent.get("reaction"),
-        "motion": agent.get("motion"),
-        "group": agent.get("group"),
         "segments": _format_json(agent["segments"]),
     }
 
@@ -174,10 +171,10 @@ def build_event_rows(
     asked = {(each["type"], each["from"], each["to"]) for each in scene["relations"]}
     measured = {_get_event_key(each): each["evidence"] for each in proof["events"]}
     for event in scene["events"]:
-        named = (event["type"], event["from"], event["to"])
-        turned = (event["type"], event["to"], event["from"])
+        pair = ((event["from"], event["to"]), (event["to"], event["from"]))
+        is_asked = any((event["type"], *each) in asked for each in pair)
         evidence = measured.get(_get_event_key(event), {})
-        yield _build_event_row(row, event, evidence, asked=named in asked or turned in asked)
+        yield _build_event_row(row, event, evidence, asked=is_asked, incidental=False)
     for event in proof["incidental"]:
         yield _build_event_row(row, event, event["evidence"], asked=False, incidental=True)
 
@@ -187,29 +184,15 @@ def _get_event_key(event: Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 def _build_event_row(
-    row: str,
-    event: Mapping[str, Any],
-    evidence: Mapping[str, Any],
-    *,
-    asked: bool,
-    incidental: bool = False,
-) -> dict[str, Any]:
-    place = event["location"] or (None, None)
+    row: str, event: Mapping[str, Any], evidence: Mapping[str, Any], *, asked: bool,
+    incidental: bool,
+) -> dict[str, Any]:  # fmt: skip
+    x, y = event["location"] or (None, None)
     return {
-        "row": row,
-        "type": event["type"],
-        "from": event["from"],
-        "to": event["to"],
-        "time": event["time"],
-        "x": place[0],
-        "y": place[1],
-        "kind": event["kind"],
-        "cause": event["cause"],
-        "asked": asked,
-        "incidental": incidental,
-        "queue": incidental and event["type"] == "follow",
-        "evidence": _format_json(evidence),
-    }
+        "row": row, "x": x, "y": y, "asked": asked, "incidental": incidental,
+        **{key: event[key] for key in ("type", "from", "to", "time", "kind", "cause")},
+        "queue": incidental and event["type"] == "follow", "evidence": _format_json(evidence),
+    }  # fmt: skip
 
 
 def _format_json(value: Any) -> str:
@@ -319,20 +302,53 @@ def import_parquet() -> Any:
 def build_arrow_schema(name: str) -> Any:
     """The schema of a table as pyarrow has it, with each column's meaning."""
     pa = _import_arrow()
-    types = {
-        "string": pa.string(),
-        "list": pa.list_(pa.string()),
-        "ids": pa.list_(pa.int16()),
-        "floats": pa.list_(pa.float64()),
-        "float64": pa.float64(),
-        "float32": pa.float32(),
-        "int64": pa.int64(),
-        "int32": pa.int32(),
-        "int16": pa.int16(),
-        "bool": pa.bool_(),
-    }
+    plain = ("string", "float64", "float32", "int64", "int32", "int16")
+    types = {kind: getattr(pa, kind)() for kind in plain} | {"bool": pa.bool_()}
+    lists = {"list": "string", "ids": "int16", "floats": "float64"}
+    types |= {kind: pa.list_(types[inner]) for kind, inner in lists.items()}
     fields = [
         pa.field(key, types[kind], metadata={"meaning": meaning})
         for key, (kind, meaning) in SCHEMAS[name].items()
     ]
     return pa.schema(fields)
+
+
+def list_map_rows(intersection: IntersectionMap) -> list[dict[str, Any]]:
+    """The rows of one intersection, in the order of its map file."""
+    roads: dict[str | None, str] = {leg.name: leg.road for leg in intersection.legs}
+    rows = [*_list_lines(intersection)]
+    rows += _list_areas("road", intersection.road)
+    rows += _list_areas("walkable", intersection.walkable)
+    return [
+        {"intersection": intersection.name, **row, "road": roads.get(row.get("leg"))}
+        for row in rows
+    ]
+
+
+def _list_lines(intersection: IntersectionMap) -> Iterator[dict[str, Any]]:
+    for lane in intersection.lanelets:
+        yield {
+            "feature": lane.id, "kind": lane.kind, "leg": lane.leg, "width": lane.width,
+            "speed_limit": lane.speed_limit, "successors": list(lane.successors),
+            **_split_points(lane.centreline),
+        }  # fmt: skip
+    for line in intersection.stop_lines:
+        points = _split_points(line.line)
+        yield {"feature": line.id, "kind": "stop_line", "leg": line.leg, **points}
+    for walk in intersection.crosswalks:
+        points = _split_points(walk.centreline)
+        yield {"feature": walk.id, "kind": "crosswalk", "leg": walk.leg, "width": walk.width,
+               **points}  # fmt: skip
+
+
+def _list_areas(kind: str, areas: Sequence[PolygonWithHoles]) -> Iterator[dict[str, Any]]:
+    """The rim of each area; holes are rows of their own, with the area's id and a number."""
+    for number, area in enumerate(areas, start=1):
+        name = f"{kind}-{number}"
+        yield {"feature": name, "kind": kind, **_split_points(area.exterior)}
+        for hole, rim in enumerate(area.holes, start=1):
+            yield {"feature": f"{name}:hole-{hole}", "kind": f"{kind}_hole", **_split_points(rim)}
+
+
+def _split_points(points: Sequence[Point]) -> dict[str, list[float]]:
+    return {"x": [point[0] for point in points], "y": [point[1] for point in points]}

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.dataset.tables.markdown import format_table
 from scenewright.evals.bootstrap import Figure
-from scenewright.evals.markdown import format_table
 from scenewright.evals.realism.likelihood import FEATURES, measure_features, score_likelihood
 from scenewright.evals.realism.sources import TrackSource
 from scenewright.evals.realism.street_measures import (

@@ -3,5 +3,5 @@ else.
 
 The instructions are those of `evals.planning`, written by people who had seen no planner. A
 submission may come from any program: scenes of scenewright, or tracks in any format that `verify`
-reads. `seen` recognises the agents in tracks, `judge` compares them with the label and counts.
+reads. `judge` recognises the agents in tracks, compares them with the label and counts.
 """

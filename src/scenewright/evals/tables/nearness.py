@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.evals.realism.distances import (
+from scenewright.evals.realism.scenes import (
     ClusterSample,
     Distance,
+    SceneTracks,
     compute_distance,
     compute_wasserstein,
 )
-from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from scenewright.evals.markdown import format_table
+from scenewright.dataset.tables.markdown import format_table
 from scenewright.evals.tables import paper
 from scenewright.evals.tables.diversity import BAR, Spread
 from scenewright.evals.tables.likelihood import READINGS

@@ -1,5 +1,5 @@
 """Section 5: exits and relations of a scene, predicted from its first seconds alone.
 
-`evaluate` scores a method on a folder of scenes; `observation` makes what a method may see. The
+`evaluate` scores a method on a folder of scenes; `cases` makes what a method may see. The
 page docs/understanding.md defines the tasks.
 """

@@ -16,8 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scenewright.evals.understanding.cases import RELATIONS, SceneCase, extract_labels, read_case
-from scenewright.evals.understanding.observation import hash_scene
+from scenewright.evals.understanding.cases import (
+    RELATIONS,
+    SceneCase,
+    extract_labels,
+    hash_scene,
+    read_case,
+)
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.graph.written_proof import read_proof
 from scenewright.scene.base import RIDERS, FloatArray

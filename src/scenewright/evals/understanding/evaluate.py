@@ -10,33 +10,33 @@ from time import perf_counter
 from typing import Any
 
 from scenewright.backends import Backend
+from scenewright.dataset.tables.markdown import format_table
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import Figure
-from scenewright.evals.markdown import format_table
 from scenewright.evals.understanding.cases import (
     EVENTS_AT,
+    WINDOWS,
+    ObservedScene,
     SceneCase,
     Split,
     is_foreseeable,
     list_scenes,
+    observe,
     read_case,
 )
 from scenewright.evals.understanding.clips import cut_clips, read_source
-from scenewright.evals.understanding.observation import WINDOWS, ObservedScene, observe
 from scenewright.evals.understanding.pipeline import find_method
-from scenewright.evals.understanding.predictions import (
-    ScenePrediction,
-    SceneWindow,
-    read_predictions,
-)
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.evals.understanding.scoring import (
     AGENT_CLASSES,
     DEFINITION,
     KINDS,
     LEADS,
+    ScenePrediction,
+    SceneWindow,
     WindowScores,
     count_scene,
+    read_predictions,
     summarise,
 )
 from scenewright.intersections import load_map

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.special import expit
 
 from scenewright.evals.understanding.boosted_trees import BoostedTrees
+from scenewright.evals.understanding.cases import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.intent import RoutePosterior
-from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.intersections import load_map
 from scenewright.scene.base import AgentClass, FloatArray

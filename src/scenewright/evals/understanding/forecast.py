@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.evals.understanding.cases import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.intent import RoutePosterior
-from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import (
     RouteComponents,
     brake_backwards,

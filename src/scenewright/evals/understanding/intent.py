@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.evals.understanding.boosted_trees import IntArray
-from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
+from scenewright.evals.understanding.cases import ObservedAgent, ObservedScene
 from scenewright.evals.understanding.route_components import (
     RouteComponents,
     interpolate_rows,

@@ -16,8 +16,8 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.evals.understanding.boosted_trees import IntArray
+from scenewright.evals.understanding.cases import ObservedAgent
 from scenewright.evals.understanding.forecast import DT, AgentForecast, BoolArray, SceneForecast
-from scenewright.evals.understanding.observation import ObservedAgent
 from scenewright.scene.base import FloatArray
 
 AgentPair = tuple[int, int]

@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from scenewright.backends import Backend, Prompt, Question, Task
-from scenewright.evals.understanding.cases import PairRelation
-from scenewright.evals.understanding.observation import ObservedAgent, ObservedScene
+from scenewright.evals.understanding.cases import ObservedAgent, ObservedScene, PairRelation
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.intersections import load_map
 from scenewright.nodes.ask import ask

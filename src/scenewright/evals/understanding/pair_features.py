@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.evals.understanding.cases import ObservedAgent
 from scenewright.evals.understanding.forecast import (
     DT,
     TICKS,
@@ -23,7 +24,6 @@ from scenewright.evals.understanding.interaction_graph import (
     TimeGaps,
     build_interaction_graph,
 )
-from scenewright.evals.understanding.observation import ObservedAgent
 from scenewright.evals.understanding.zone_features import (
     IN_ZONE,
     OF_ZONE,

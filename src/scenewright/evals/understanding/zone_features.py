@@ -13,8 +13,8 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.evals.understanding.boosted_trees import IntArray
+from scenewright.evals.understanding.cases import ObservedAgent
 from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, BoolArray
-from scenewright.evals.understanding.observation import ObservedAgent
 from scenewright.evals.understanding.route_components import interpolate_points, interpolate_rows
 from scenewright.scene.base import FloatArray
 

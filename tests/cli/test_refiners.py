@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner, compare_errors
+from scenewright.cli.refiners import GOES_ON, adapt_refiner, compare_errors
 from scenewright.intersections import REFINER_WEIGHTS
 from scenewright.scene.track import Track
 from scenewright.tools.track_io.cleaning import CleaningReport
