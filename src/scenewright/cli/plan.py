@@ -22,7 +22,7 @@ from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
 
 if TYPE_CHECKING:
-    pass
+    from scenewright.scene.plan_file import LogicalPlan
 
 Account = Callable[[Call], None]
 ATTEMPTS = 3
