@@ -50,13 +50,19 @@ class Unsatisfiable(ScenewrightError):
 
     Attributes:
         rejections: every rejection on the way, oldest first.
+        called: how people call the agents of the plan that failed, by id.
     """
 
     exit_code = 3
 
-    def __init__(self, message: str, rejections: tuple[Rejection, ...] = ()) -> None:
+    def __init__(
+        self,
+        message: str,
+        rejections: tuple[Rejection, ...] = (),
+        called: Mapping[str, str] | None = None,
+    ) -> None:
         super().__init__(message)
-        self.rejections = rejections
+        self.rejections, self.called = rejections, called or {}
 
 
 class OutOfTime(Unsatisfiable):

@@ -124,7 +124,9 @@ class RunOptions(SceneOptions):
 @spread_options
 def make_batch(
     *,
-    rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows with `id` and `text`.")],
+    rows: Annotated[
+        str, typer.Argument(metavar="IN", help="Rows with `id` and `text`, or plain sentences.")
+    ],
     out: Out,
     run: RunOptions,
     selection: Annotated[

@@ -291,7 +291,7 @@ def show(
     ],
     png: Annotated[
         str | None,
-        typer.Option(metavar="F", help="Write a picture; of several scenes a contact sheet."),
+        typer.Option(metavar="F", help="Write a picture; of several scenes contact sheets."),
     ] = None,
     html: Annotated[
         str | None,
@@ -311,8 +311,8 @@ def show(
     if wanted:
         from scenewright.cli.show import write_views
 
-        write_views(scenes, wanted, whole=whole)
-        write_stdout("".join(f"{name}\n" for name in wanted.values()))
+        written = write_views(scenes, wanted, whole=whole)
+        write_stdout("".join(f"{name}\n" for name in written))
         return
     from scenewright.viz.recording import open_recording
 

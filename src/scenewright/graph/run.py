@@ -46,6 +46,7 @@ from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.kinds import list_values
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.phrasing import choose_names
 from scenewright.scene.plan_fields import word_plan
 from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.record import SceneRecord
@@ -615,11 +616,12 @@ def _build_refusal(state: SceneState, *, rule: bool) -> InputError | Unsatisfiab
         asked = f"{last.stage.replace('_', ' ')} got no usable answer; last: {last.detail}"
         return BackendFault(f"the {asked}", final=True, rejections=rejections)
     if last.stage == "scene_planner" or last.code in ("malformed_program", "unlawful"):
-        return Unsatisfiable(last.detail, rejections)
+        return Unsatisfiable(last.detail, rejections, _call_agents(state))
     reason = _choose_best_reason(rejections)
     return Unsatisfiable(
-        f"no verified scene within {len(rejections)} attempts; {reason}", rejections
-    )
+        f"no verified scene within {len(rejections)} attempts; {reason}", rejections,
+        _call_agents(state),
+    )  # fmt: skip
 
 
 def _build_cut_off(
@@ -632,14 +634,20 @@ def _build_cut_off(
     cut = f"{count}: it cut off the {error.stage.replace('_', ' ')}; {reason}"
     if isinstance(error, TimeLimitReachedError):
         return OutOfTime(
-            f"no verified scene within {error.seconds:g} s, the time limit, and {cut}", rejections
-        )
+            f"no verified scene within {error.seconds:g} s, the time limit, and {cut}", rejections,
+            _call_agents(state),
+        )  # fmt: skip
     last = Rejection(stage=cast(Stage, error.stage), code="work_spent", detail=str(error))
     return Unsatisfiable(
         f"no verified scene within {error.units:,} steps of the search, the limit of work, and "
         f"{cut}",
         (*rejections, last),
+        _call_agents(state),
     )
+
+
+def _call_agents(state: SceneState) -> dict[str, str]:
+    return choose_names(state["social_graph"]) if "social_graph" in state else {}
 
 
 def _choose_best_reason(rejections: tuple[Rejection, ...]) -> str:

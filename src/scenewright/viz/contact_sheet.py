@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
@@ -18,22 +19,36 @@ from scenewright.viz.still import draw_page
 _COLUMNS, _DPI, _CAPTION = 3, 90, 28
 """Pictures side by side, their resolution, and the height of the line above each [pixels]."""
 MOST_SCENES = 60
+"""Scenes on one sheet."""
 
 
-def draw_contact_sheet(path: str | Path, scenes: Iterable[tuple[str, SceneRecord, Proof]]) -> None:
-    """Write a PNG of all scenes, each with its name, in rows of three.
+def draw_contact_sheets(
+    path: str | Path, scenes: Iterable[tuple[str, SceneRecord, Proof]]
+) -> list[str]:
+    """Write PNGs of all scenes, each with its name, in rows of three, `MOST_SCENES` on a sheet.
+
+    The second sheet and those after it have their number behind the name of the first; the names
+    are returned.
 
     Raises:
-        InputError: no scene or too many, or the file cannot be written.
+        InputError: no scene, or a file cannot be written.
     """
-    pictures: list[tuple[str, Image.Image]] = []
-    for name, scene, proof in scenes:
-        if len(pictures) == MOST_SCENES:
-            raise InputError(f"a contact sheet has at most {MOST_SCENES} scenes; name fewer")
-        page = draw_page(scene, proof, load_map(scene.meta.intersection)).render(_DPI)
-        pictures.append((f"{name}: {proof.verdict}", Image.open(BytesIO(page))))
-    if not pictures:
+    first, rest, written = Path(path), iter(scenes), list[str]()
+    while pictures := [_draw_scene(*each) for each in islice(rest, MOST_SCENES)]:
+        number = f"-{len(written) + 1}" if written else ""
+        written.append(str(first.with_stem(first.stem + number)))
+        _write_sheet(written[-1], pictures)
+    if not written:
         raise InputError("none of these folders holds a scene")
+    return written
+
+
+def _draw_scene(name: str, scene: SceneRecord, proof: Proof) -> tuple[str, Image.Image]:
+    page = draw_page(scene, proof, load_map(scene.meta.intersection)).render(_DPI)
+    return f"{name}: {proof.verdict}", Image.open(BytesIO(page))
+
+
+def _write_sheet(path: str, pictures: Sequence[tuple[str, Image.Image]]) -> None:
     width = max(picture.width for _, picture in pictures)
     height = max(picture.height for _, picture in pictures) + _CAPTION
     columns = min(_COLUMNS, len(pictures))

@@ -101,19 +101,29 @@ class Conversation:
             reply = {**reply, **build_facts(shown)}
         choices = _list_choices(reply, state)
         if reply["kind"] == "asked":
-            reply = {**reply, "question": re.sub(r"(?: \d)?:.*", "?", reply["question"])}
+            asked, offered, _ = reply["question"].partition(" Do you mean 1: ")
+            asked = f"{asked} Do you mean:" if offered else f"{asked.partition(':')[0]}?"
+            reply = {**reply, "question": asked}
         lines = [
             line.partition(OR_LENIENT)[0].partition(" Did you mean: ")[0]
             for _, line in format_reply(reply, shown)
         ]
         refused = state.get("refused")
-        why = explain_refusal(refused) if reply["kind"] == "refused" and refused else []
-        about = shown or self.session.find_version(state.get("current"))
-        if about is not None:
-            lines = [speak_plainly(line, about.record) for line in lines]
-            why = [speak_plainly(line, about.record) for line in why]
-        return {"kind": reply["kind"], "lines": lines, "why": why, "choices": choices,
-                "caveat": reply.get("caveat", "")}  # fmt: skip
+        why: list[str] = []
+        planned: dict[str, str] = {}
+        if reply["kind"] == "refused" and refused:  # its first two lines say the reply again
+            why, planned = explain_refusal(refused)[2:], refused.get("called", {})
+        about, current = shown, state.get("current")
+        if about is None and current is not None:
+            about = self.session.find_version(current)
+        record = None if about is None else about.record
+        return {
+            "kind": reply["kind"],
+            "lines": [speak_plainly(line, record, planned) for line in lines],
+            "why": [speak_plainly(line, record, planned) for line in why],
+            "choices": choices,
+            "caveat": reply.get("caveat", ""),
+        }
 
     def find_plan(self, which: str | None) -> PlanFile:
         """The plan of a version, its text that of the scene; InputError if there is none."""

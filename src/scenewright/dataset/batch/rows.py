@@ -33,6 +33,7 @@ _OURS = frozenset(
      "evaluation", "croissant")
 )  # fmt: skip
 """First parts of the names that stand beside the scenes' folders."""
+_FORMS = 'a line is an object such as {"id": "a-1", "text": "A car yields"}, or all are sentences'
 
 
 class Overrides(Model):
@@ -152,7 +153,7 @@ def read_source(path: str | Path) -> RowSource:
         if given is not None and isinstance(row.plan, str):
             plans.update(compute_digest(given.plan, f"{given.as_read} {given.text}").encode())
     if not lines:
-        raise InputError(f"{file} holds no rows; each line is an object with 'id' and 'text'")
+        raise InputError(f"{file} holds no rows; {_FORMS}")
     clashing = _find_clashes(file, bytes(keys))
     named = hashlib.sha256(b"").digest() != plans.digest()
     with file.open("rb") as stream:
@@ -197,7 +198,8 @@ def _find_clashes(file: Path, keys: bytes) -> frozenset[str]:
 
 
 def _read(file: Path) -> Iterator[tuple[int, DatasetRow]]:
-    """(line, row), blank lines left out."""
+    """(line, row), blank lines left out; a file that does not begin as JSON lists sentences."""
+    listed: bool | None = None
     try:
         with file.open("rb") as stream:
             line = 0
@@ -207,16 +209,24 @@ def _read(file: Path) -> Iterator[tuple[int, DatasetRow]]:
                     raise InputError(f"{file}, line {line}: longer than {MOST_LINE} bytes")
                 text = data.removeprefix(b"\xef\xbb\xbf") if line == 1 else data
                 if text.strip():
-                    yield line, _parse_row(text, f"{file}, line {line}")
+                    listed = text.lstrip()[:1] not in b'{["' if listed is None else listed
+                    row = _list_sentence(text, line) if listed else text
+                    yield line, _parse_row(row, f"{file}, line {line}")
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+
+
+def _list_sentence(data: bytes, line: int) -> bytes:
+    """The row of a sentence that stands for itself in a line of its own."""
+    text = data.decode("utf-8", "surrogateescape").strip()  # what is no text is refused as such
+    return json.dumps({"id": f"line-{line:04}", "text": text}).encode()
 
 
 def _parse_row(data: bytes, where: str) -> DatasetRow:
     try:
         value = json.loads(data.decode("utf-8"), object_pairs_hook=_check_unique_keys)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: not JSON: {_cut(str(error))}") from error
+        raise InputError(f"{where}: not JSON: {_cut(str(error))}; {_FORMS}") from error
     if not isinstance(value, dict):
         raise InputError(
             f"{where}: a row is an object with 'id' and 'text', not {_quote_value(value)}"
