@@ -26,6 +26,7 @@ class ScenewrightError(Exception):
 
     Attributes:
         models: what models were asked and took until then, by task, as provenance has it.
+        called: how people call the agents of the plan that came to nothing, by name.
     """
 
     exit_code = 1
@@ -33,6 +34,7 @@ class ScenewrightError(Exception):
     def __init__(self, *words: object) -> None:
         super().__init__(*words)
         self.models: Mapping[str, Any] = {}
+        self.called: Mapping[str, str] = {}
 
 
 class InputError(ScenewrightError):
@@ -50,19 +52,13 @@ class Unsatisfiable(ScenewrightError):
 
     Attributes:
         rejections: every rejection on the way, oldest first.
-        called: how people call the agents of the plan that failed, by id.
     """
 
     exit_code = 3
 
-    def __init__(
-        self,
-        message: str,
-        rejections: tuple[Rejection, ...] = (),
-        called: Mapping[str, str] | None = None,
-    ) -> None:
+    def __init__(self, message: str, rejections: tuple[Rejection, ...] = ()) -> None:
         super().__init__(message)
-        self.rejections, self.called = rejections, called or {}
+        self.rejections = rejections
 
 
 class OutOfTime(Unsatisfiable):

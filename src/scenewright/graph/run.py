@@ -220,7 +220,7 @@ def synthesize(
             state, seconds = _run(start, context)
         if "scene" not in state or state.get("refused") is not None:
             rule = get_backend_of_task(context.backend, "constraints").deterministic
-            raise _build_refusal(state, rule=rule)
+            raise _call_agents(_build_refusal(state, rule=rule), state)
     except ScenewrightError as error:
         error.models = sum_costs_by_task(calls)
         raise
@@ -551,7 +551,8 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
                     seconds[stage] = seconds.get(stage, 0.0) + now - before
                 before = now
     except (TimeLimitReachedError, WorkLimitReachedError) as error:
-        raise _build_cut_off(cast(SceneState, state), error) from error
+        reached = cast(SceneState, state)
+        raise _call_agents(_build_cut_off(reached, error), reached) from error
     return cast(SceneState, state), seconds
 
 
@@ -616,12 +617,16 @@ def _build_refusal(state: SceneState, *, rule: bool) -> InputError | Unsatisfiab
         asked = f"{last.stage.replace('_', ' ')} got no usable answer; last: {last.detail}"
         return BackendFault(f"the {asked}", final=True, rejections=rejections)
     if last.stage == "scene_planner" or last.code in ("malformed_program", "unlawful"):
-        return Unsatisfiable(last.detail, rejections, _call_agents(state))
+        return Unsatisfiable(last.detail, rejections)
     reason = _choose_best_reason(rejections)
     return Unsatisfiable(
-        f"no verified scene within {len(rejections)} attempts; {reason}", rejections,
-        _call_agents(state),
-    )  # fmt: skip
+        f"no verified scene within {len(rejections)} attempts; {reason}", rejections
+    )
+
+
+def _call_agents(error: ScenewrightError, state: SceneState) -> ScenewrightError:
+    error.called = choose_names(state["social_graph"]) if "social_graph" in state else {}
+    return error
 
 
 def _build_cut_off(
@@ -634,20 +639,14 @@ def _build_cut_off(
     cut = f"{count}: it cut off the {error.stage.replace('_', ' ')}; {reason}"
     if isinstance(error, TimeLimitReachedError):
         return OutOfTime(
-            f"no verified scene within {error.seconds:g} s, the time limit, and {cut}", rejections,
-            _call_agents(state),
-        )  # fmt: skip
+            f"no verified scene within {error.seconds:g} s, the time limit, and {cut}", rejections
+        )
     last = Rejection(stage=cast(Stage, error.stage), code="work_spent", detail=str(error))
     return Unsatisfiable(
         f"no verified scene within {error.units:,} steps of the search, the limit of work, and "
         f"{cut}",
         (*rejections, last),
-        _call_agents(state),
     )
-
-
-def _call_agents(state: SceneState) -> dict[str, str]:
-    return choose_names(state["social_graph"]) if "social_graph" in state else {}
 
 
 def _choose_best_reason(rejections: tuple[Rejection, ...]) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable
 from functools import wraps
 from typing import Any
 
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
@@ -17,15 +18,17 @@ from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiabl
 MOST_BODY = 100_000
 """Bytes of a request in JSON; words are far shorter."""
 Answer = Callable[[Request], Awaitable[Response]]
+PlainAnswer = Callable[[Request], Response]
 
 
-def answer_safely(answer: Answer) -> Answer:
-    """The route, with what goes wrong as one line of JSON."""
+def answer_safely(answer: Answer | PlainAnswer) -> Answer:
+    """The route, with what goes wrong as one line of JSON; one that is no coroutine runs aside."""
 
     @wraps(answer)
     async def run(request: Request) -> Response:
         try:
-            return await answer(request)
+            given: Response | Awaitable[Response] = await run_in_threadpool(answer, request)
+            return given if isinstance(given, Response) else await given
         except BusyError as error:
             return refuse(409, str(error))
         except (InputError, Unsatisfiable, BackendFault) as error:

@@ -51,9 +51,9 @@ class Batches:
             Route("/api/batches/{batch}/{row:int}/page.html", answer_safely(self.answer_scene)),
         ]
 
-    async def answer_list(self, _request: Request) -> Response:
+    def answer_list(self, _request: Request) -> Response:
         """The names of all batches, the newest first."""
-        return JSONResponse({"batches": await run_in_threadpool(self.list_names)})
+        return JSONResponse({"batches": self.list_names()})
 
     async def answer_start(self, request: Request) -> Response:
         """A new batch of the rows that are the request's body."""
@@ -63,28 +63,27 @@ class Batches:
         name = await run_in_threadpool(self.start, body, place, backend)
         return JSONResponse({"batch": name})
 
-    async def answer_progress(self, request: Request) -> Response:
+    def answer_progress(self, request: Request) -> Response:
         """How far a batch is, and its rows from the number `after` on."""
         after = request.query_params.get("after", "0")
         if not re.fullmatch(r"\d{1,9}", after):
             raise InputError("after must be a number")
-        name = request.path_params["batch"]
-        return JSONResponse(await run_in_threadpool(self.describe, name, int(after)))
+        return JSONResponse(self.describe(request.path_params["batch"], int(after)))
 
-    async def answer_go_on(self, request: Request) -> Response:
+    def answer_go_on(self, request: Request) -> Response:
         """Goes on with a batch that was stopped."""
-        await run_in_threadpool(self.go_on, request.path_params["batch"])
+        self.go_on(request.path_params["batch"])
         return JSONResponse({"ok": True})
 
-    async def answer_stop(self, request: Request) -> Response:
+    def answer_stop(self, request: Request) -> Response:
         """Stops a batch; what is made stays."""
-        await run_in_threadpool(self.stop, request.path_params["batch"])
+        self.stop(request.path_params["batch"])
         return JSONResponse({"ok": True})
 
-    async def answer_scene(self, request: Request) -> Response:
+    def answer_scene(self, request: Request) -> Response:
         """The self-contained page of a scene, by its place in the journal."""
         name, row = request.path_params["batch"], request.path_params["row"]
-        page = HTMLResponse(await run_in_threadpool(self.build_page, name, row))
+        page = HTMLResponse(self.build_page(name, row))
         page.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
         return page
 

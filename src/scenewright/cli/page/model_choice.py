@@ -34,7 +34,7 @@ class ModelChoice:
             Route("/api/settings/backend", answer_safely(self.answer_choice), methods=["POST"]),
         ]
 
-    async def answer_settings(self, _request: Request) -> Response:
+    def answer_settings(self, _request: Request) -> Response:
         """The backend, and for which makers of models there is a key."""
         return JSONResponse(self.describe())
 

@@ -127,17 +127,17 @@ class Page:
         """The page itself."""
         return HTMLResponse(_read_asset("index.html"))
 
-    async def describe_start(self, _request: Request) -> Response:
+    def describe_start(self, _request: Request) -> Response:
         """Intersections, words, formats, conversations, backend, what is missing to import maps."""
         from scenewright.tools.exporters import FORMATS
         from scenewright.tools.map_import.check_file import SUMO
 
         return JSONResponse(
             {
-                "intersections": await run_in_threadpool(list_places),
+                "intersections": list_places(),
                 "words": list_words(),
                 "formats": {name: each.title for name, each in FORMATS.items()},
-                "threads": await run_in_threadpool(self._conversations.list_names),
+                "threads": self._conversations.list_names(),
                 "backend": self._choice.name,
                 "intersection": self._intersection,
                 "missing": describe_missing(*SUMO),
@@ -153,17 +153,17 @@ class Page:
         made = await run_in_threadpool(self._conversations.create, name, seed)
         return JSONResponse(await run_in_threadpool(made.describe))
 
-    async def describe_thread(self, request: Request) -> Response:
+    def describe_thread(self, request: Request) -> Response:
         """Versions, branches and what is current."""
-        found = await self._find(request)
-        return JSONResponse(await run_in_threadpool(found.describe))
+        return JSONResponse(self._find(request).describe())
 
     async def take_turn(self, request: Request) -> Response:
         """One turn, {"action", "argument"}; answers lines of JSON: stages, then the reply.
 
         The turn goes on to its end when the browser leaves; its version is there afterwards.
         """
-        found, asked = await self._find(request), await read_object(request)
+        asked = await read_object(request)
+        found = await run_in_threadpool(self._find, request)
         action, argument = read_text(asked, "action"), read_text(asked, "argument", "")
         if found.busy:
             raise BusyError("a turn of this conversation is still being worked on")
@@ -173,68 +173,59 @@ class Page:
         task.add_done_callback(self._running.discard)
         return StreamingResponse(_send_lines(lines), media_type="application/x-ndjson")
 
-    async def compare_versions(self, request: Request) -> Response:
+    def compare_versions(self, request: Request) -> Response:
         """What differs between the versions `first` and `second`."""
-        found, query = await self._find(request), request.query_params
-        pair = query.get("first", ""), query.get("second", "")
-        return JSONResponse({"lines": await run_in_threadpool(found.compare, *pair)})
+        query = request.query_params
+        lines = self._find(request).compare(query.get("first", ""), query.get("second", ""))
+        return JSONResponse({"lines": lines})
 
-    async def list_handles(self, request: Request) -> Response:
+    def list_handles(self, request: Request) -> Response:
         """What can be changed by hand in a version."""
-        found = await self._find(request)
         which = request.query_params.get("version")
-        handles = await run_in_threadpool(found.list_handles, which)
-        return JSONResponse({"handles": handles})
+        return JSONResponse({"handles": self._find(request).list_handles(which)})
 
-    async def list_log(self, request: Request) -> Response:
+    def list_log(self, request: Request) -> Response:
         """What was said so far, and every reply."""
-        found = await self._find(request)
-        return JSONResponse({"turns": await run_in_threadpool(found.list_log)})
+        return JSONResponse({"turns": self._find(request).list_log()})
 
-    async def describe_making(self, request: Request) -> Response:
+    def describe_making(self, request: Request) -> Response:
         """How a version came about: its provenance."""
-        found = await self._find(request)
-        shown = await run_in_threadpool(found.find, request.query_params.get("version"))
+        shown = self._find(request).find(request.query_params.get("version"))
         made = shown.provenance
         for each in made.get("rejections", []):
             each["detail"] = speak_plainly(each["detail"], shown.record)
         return JSONResponse(made)
 
-    async def send_file(self, request: Request) -> Response:
+    def send_file(self, request: Request) -> Response:
         """`page.html`, `scene.json` or `proof.json` of a version; `download=1` saves it.
 
         `scene.png`, `scene.gif` and `scene.mp4` are its views, `export.zip` its files in a
         `format`. The page may have another version, `over`, laid over it.
         """
-        found, name = await self._find(request), request.path_params["name"]
-        which = request.query_params.get("version")
+        found, name, query = self._find(request), request.path_params["name"], request.query_params
+        which = query.get("version")
         if name == "page.html":
-            over = request.query_params.get("over")
-            page = await run_in_threadpool(found.build_page, which, over)
-            response: Response = HTMLResponse(page)
+            response: Response = HTMLResponse(found.build_page(which, query.get("over")))
             # the page carries its own policy; only this server may frame it
             response.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
         elif name in ("scene.json", "proof.json"):
-            shown = await run_in_threadpool(found.find, which)
+            shown = found.find(which)
             body = shown.scene_json if name == "scene.json" else shown.proof_json
             response = Response(body, media_type="application/json")
         elif name in SAVED:
-            shown = await run_in_threadpool(found.find, which)
-            format_ = request.query_params.get("format", "")
-            body = await run_in_threadpool(write_saved, shown, name, format_)
+            body = write_saved(found.find(which), name, query.get("format", ""))
             response = Response(body, media_type=SAVED[name])
         else:
             raise HTTPException(404)
-        if "download" in request.query_params:
+        if "download" in query:
             response.headers["Content-Disposition"] = f'attachment; filename="{name}"'
         return response
 
-    async def draw_map(self, request: Request) -> Response:
+    def draw_map(self, request: Request) -> Response:
         """A picture of an intersection."""
-        picture = await run_in_threadpool(_draw_intersection, request.path_params["name"])
-        return Response(picture, media_type="image/png")
+        return Response(_draw_intersection(request.path_params["name"]), media_type="image/png")
 
-    async def send_plan_schema(self, _request: Request) -> Response:
+    def send_plan_schema(self, _request: Request) -> Response:
         """The JSON Schema of plans, of which the form is made."""
         return JSONResponse(build_plan_schema())
 
@@ -254,8 +245,8 @@ class Page:
             found = PlanFile(plan, words, as_read=True)
         return JSONResponse(describe_plan_file(found))
 
-    async def _find(self, request: Request) -> Conversation:
-        return await run_in_threadpool(self._conversations.get, request.path_params["thread"])
+    def _find(self, request: Request) -> Conversation:
+        return self._conversations.get(request.path_params["thread"])
 
 
 def build_app(page: Page, *, token: str, hosts: frozenset[str]) -> Starlette:
