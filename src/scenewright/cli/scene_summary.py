@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from operator import itemgetter
 from typing import Any
+
+import shapely
 
 from scenewright.cli.console import format_one_line
 from scenewright.scene.account import SaidRecord, SaidSpan, WordState
@@ -14,7 +15,7 @@ from scenewright.scene.base import Point
 from scenewright.scene.called import call_agents
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.kinds import get_kind
-from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import SceneRecord
 
@@ -149,44 +150,15 @@ def name_agent(scene: SceneRecord, number: int) -> str:
 
 def place(spot: Point, intersection_map: IntersectionMap) -> str:
     """Where a place [m] is, as people say it."""
+    at = shapely.Point(spot)
     for crosswalk in intersection_map.crosswalks:
-        if _is_near_polygon(spot, crosswalk.polygon):
+        if shapely.Polygon(crosswalk.polygon).distance(at) <= KERB:
             return f"on the {crosswalk.leg} crosswalk"
-    lanelet = min(
-        intersection_map.lanelets, key=lambda each: _measure_gap(spot, each), default=None
-    )
-    if lanelet is None or lanelet.leg is None:
-        return "in the junction"
-    return f"on the {lanelet.leg} leg"
-
-
-def _measure_gap(spot: Point, lanelet: Lanelet) -> float:
-    line = lanelet.centreline
-    return min(
-        (_measure_to_segment(spot, a, b) for a, b in pairwise(line)),
-        default=math.inf,
-    )
-
-
-def _is_near_polygon(spot: Point, ring: tuple[Point, ...]) -> bool:
-    """Inside, or within `KERB` of the edge."""
-    inside = False
-    for a, b in zip(ring, (*ring[1:], ring[0]), strict=True):
-        if _measure_to_segment(spot, a, b) <= KERB:
-            return True
-        if (a[1] > spot[1]) != (b[1] > spot[1]):
-            x = a[0] + (spot[1] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
-            inside ^= spot[0] < x
-    return inside
-
-
-def _measure_to_segment(spot: Point, a: Point, b: Point) -> float:
-    along = (b[0] - a[0], b[1] - a[1])
-    square = along[0] ** 2 + along[1] ** 2
-    offset = (spot[0] - a[0], spot[1] - a[1])
-    t = 0.0 if square == 0 else (offset[0] * along[0] + offset[1] * along[1]) / square
-    t = min(1.0, max(0.0, t))
-    return math.dist(spot, (a[0] + t * along[0], a[1] + t * along[1]))
+    lines = [
+        (shapely.LineString(x.centreline).distance(at), x.leg) for x in intersection_map.lanelets
+    ]
+    leg = min(lines, key=itemgetter(0), default=(0.0, None))[1]
+    return "in the junction" if leg is None else f"on the {leg} leg"
 
 
 def _describe_unasked_runs(scene: SceneRecord, proof: Proof) -> list[str]:

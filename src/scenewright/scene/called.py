@@ -14,8 +14,6 @@ _NOUN_PHRASE = re.compile(
 )
 _PRONOUNS = "it they them he him she her who that which both one another someone somebody anyone"
 _NUMBERS = re.compile(r"\bagents? (\d+(?:, \d+)*)\b|(?<=\bof )(\d+ and \d+)(?= at )")
-_KEY = re.compile(r" \(\d+ such(?:; \d+ is [\w-]+)*\)")
-"""How many findings there are of a kind, and which numbers the agents of the first have."""
 _CODE = re.compile(r"\b([a-z_]+)\(([^()]*)\)|\b[a-z]+(?:_[a-z]+)+\b")
 _RELATIONS = {"collide_at": "collision", "yield_to": "yielding"}
 
@@ -41,18 +39,14 @@ def call_agents(scene: SceneRecord) -> dict[int, str]:
 def speak_plainly(
     text: str, scene: SceneRecord | None, planned: Mapping[str, str] | None = None
 ) -> str:
-    """The text with agents and objects as they are called, without underscores and calls.
-
-    Args:
-        scene: what the text is about; None where there is none yet.
-        planned: what the agents of a plan that came to no scene are called, by name.
-    """
-    called = {} if scene is None else call_agents(scene)
-    agents, objects = ((), ()) if scene is None else (scene.agents, scene.objects)
-    things = {each.id: f"{each.kind} {each.subtype or ''}".strip() for each in objects}
-    names = number_nouns({key: noun.replace("_", "-") for key, noun in things.items()})
-    names |= {each.name: called[each.id] for each in agents if each.role == "foreground"}
-    names |= planned or {}
+    """The text with agents, `planned` ones too, and objects as they are called, without code."""
+    called, names = {} if scene is None else call_agents(scene), dict(planned or {})
+    if scene is not None:
+        things = {each.id: f"{each.kind} {each.subtype or ''}".strip() for each in scene.objects}
+        named = {x.name: called[x.id] for x in scene.agents if x.role == "foreground"}
+        names = (
+            number_nouns({x: noun.replace("_", "-") for x, noun in things.items()}) | named | names
+        )
 
     def spell(found: re.Match[str]) -> str:
         words = f"{found[1]} of {found[2]}" if found[1] else found[0]
@@ -62,7 +56,8 @@ def speak_plainly(
         numbers = found[1] or found[2]
         return re.sub(r"\d+", lambda each: called.get(int(each[0]), each[0]), numbers)
 
-    text = _NUMBERS.sub(name_numbers, _CODE.sub(spell, _KEY.sub("", text)))
+    text = re.sub(r" \(\d+ such(?:; \d+ is [\w-]+)*\)", "", text)  # a key to numbers
+    text = _NUMBERS.sub(name_numbers, _CODE.sub(spell, text))
     for name, meant in names.items():  # what stands in brackets behind a name repeats its noun
 
         def rename(found: re.Match[str], meant: str = meant) -> str:

@@ -42,8 +42,7 @@ _MEASURES: dict[MeasureKind, str] = {
     "front_point_right": "{a} is hit by {b} at {value} of its front from the right",
     "side_point": "{a} is hit by {b} at {value} of its side",
 }  # fmt: skip
-_KMH = 3.6
-"""Kilometres an hour in a metre a second; people say speeds so."""
+_KMH = 3.6  # in a metre a second; people say speeds so
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from io import BytesIO
 from itertools import islice
 from pathlib import Path
@@ -19,7 +19,6 @@ from scenewright.viz.still import draw_page
 _COLUMNS, _DPI, _CAPTION = 3, 90, 28
 """Pictures side by side, their resolution, and the height of the line above each [pixels]."""
 MOST_SCENES = 60
-"""Scenes on one sheet."""
 
 
 def draw_contact_sheets(
@@ -34,21 +33,20 @@ def draw_contact_sheets(
         InputError: no scene, or a file cannot be written.
     """
     first, rest, written = Path(path), iter(scenes), list[str]()
-    while pictures := [_draw_scene(*each) for each in islice(rest, MOST_SCENES)]:
+    while shown := [*islice(rest, MOST_SCENES)]:
         number = f"-{len(written) + 1}" if written else ""
         written.append(str(first.with_stem(first.stem + number)))
-        _write_sheet(written[-1], pictures)
+        _write_sheet(written[-1], shown)
     if not written:
         raise InputError("none of these folders holds a scene")
     return written
 
 
-def _draw_scene(name: str, scene: SceneRecord, proof: Proof) -> tuple[str, Image.Image]:
-    page = draw_page(scene, proof, load_map(scene.meta.intersection)).render(_DPI)
-    return f"{name}: {proof.verdict}", Image.open(BytesIO(page))
-
-
-def _write_sheet(path: str, pictures: Sequence[tuple[str, Image.Image]]) -> None:
+def _write_sheet(path: str, scenes: Iterable[tuple[str, SceneRecord, Proof]]) -> None:
+    pictures = []
+    for name, scene, proof in scenes:
+        page = draw_page(scene, proof, load_map(scene.meta.intersection)).render(_DPI)
+        pictures.append((f"{name}: {proof.verdict}", Image.open(BytesIO(page))))
     width = max(picture.width for _, picture in pictures)
     height = max(picture.height for _, picture in pictures) + _CAPTION
     columns = min(_COLUMNS, len(pictures))

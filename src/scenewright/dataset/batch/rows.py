@@ -210,16 +210,12 @@ def _read(file: Path) -> Iterator[tuple[int, DatasetRow]]:
                 text = data.removeprefix(b"\xef\xbb\xbf") if line == 1 else data
                 if text.strip():
                     listed = text.lstrip()[:1] not in b'{["' if listed is None else listed
-                    row = _list_sentence(text, line) if listed else text
-                    yield line, _parse_row(row, f"{file}, line {line}")
+                    if listed:  # what is no text is refused as such
+                        said = text.decode("utf-8", "surrogateescape").strip()
+                        text = json.dumps({"id": f"line-{line:04}", "text": said}).encode()
+                    yield line, _parse_row(text, f"{file}, line {line}")
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-
-
-def _list_sentence(data: bytes, line: int) -> bytes:
-    """The row of a sentence that stands for itself in a line of its own."""
-    text = data.decode("utf-8", "surrogateescape").strip()  # what is no text is refused as such
-    return json.dumps({"id": f"line-{line:04}", "text": text}).encode()
 
 
 def _parse_row(data: bytes, where: str) -> DatasetRow:
