@@ -551,8 +551,7 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
                     seconds[stage] = seconds.get(stage, 0.0) + now - before
                 before = now
     except (TimeLimitReachedError, WorkLimitReachedError) as error:
-        reached = cast(SceneState, state)
-        raise _call_agents(_build_cut_off(reached, error), reached) from error
+        raise _call_agents(_build_cut_off(cast(SceneState, state), error), state) from error
     return cast(SceneState, state), seconds
 
 
@@ -618,13 +617,11 @@ def _build_refusal(state: SceneState, *, rule: bool) -> InputError | Unsatisfiab
         return BackendFault(f"the {asked}", final=True, rejections=rejections)
     if last.stage == "scene_planner" or last.code in ("malformed_program", "unlawful"):
         return Unsatisfiable(last.detail, rejections)
-    reason = _choose_best_reason(rejections)
-    return Unsatisfiable(
-        f"no verified scene within {len(rejections)} attempts; {reason}", rejections
-    )
+    told = f"no verified scene within {len(rejections)} attempts; {_choose_best_reason(rejections)}"
+    return Unsatisfiable(told, rejections)
 
 
-def _call_agents(error: ScenewrightError, state: SceneState) -> ScenewrightError:
+def _call_agents(error: ScenewrightError, state: Mapping[str, Any]) -> ScenewrightError:
     error.called = choose_names(state["social_graph"]) if "social_graph" in state else {}
     return error
 

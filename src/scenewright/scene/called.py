@@ -42,11 +42,10 @@ def speak_plainly(
     """The text with agents, `planned` ones too, and objects as they are called, without code."""
     called, names = {} if scene is None else call_agents(scene), dict(planned or {})
     if scene is not None:
-        things = {each.id: f"{each.kind} {each.subtype or ''}".strip() for each in scene.objects}
+        things = {x.id: f"{x.kind} {x.subtype or ''}".strip() for x in scene.objects}
+        things = {name: noun.replace("_", "-") for name, noun in things.items()}
         named = {x.name: called[x.id] for x in scene.agents if x.role == "foreground"}
-        names = (
-            number_nouns({x: noun.replace("_", "-") for x, noun in things.items()}) | named | names
-        )
+        names = number_nouns(things) | named | names
 
     def spell(found: re.Match[str]) -> str:
         words = f"{found[1]} of {found[2]}" if found[1] else found[0]

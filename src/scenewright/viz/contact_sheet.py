@@ -26,8 +26,7 @@ def draw_contact_sheets(
 ) -> list[str]:
     """Write PNGs of all scenes, each with its name, in rows of three, `MOST_SCENES` on a sheet.
 
-    The second sheet and those after it have their number behind the name of the first; the names
-    are returned.
+    Their names are returned: those after the first have their number behind its name.
 
     Raises:
         InputError: no scene, or a file cannot be written.

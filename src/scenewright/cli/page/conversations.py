@@ -113,17 +113,12 @@ class Conversation:
         planned: dict[str, str] = {}
         if reply["kind"] == "refused" and refused:  # its first two lines say the reply again
             why, planned = explain_refusal(refused)[2:], refused.get("called", {})
-        about, current = shown, state.get("current")
-        if about is None and current is not None:
-            about = self.session.find_version(current)
-        record = None if about is None else about.record
-        return {
-            "kind": reply["kind"],
-            "lines": [speak_plainly(line, record, planned) for line in lines],
-            "why": [speak_plainly(line, record, planned) for line in why],
-            "choices": choices,
-            "caveat": reply.get("caveat", ""),
-        }
+        if shown is None and state.get("current") is not None:  # None would name today's
+            shown = self.session.find_version(state.get("current"))
+        record = None if shown is None else shown.record
+        lines, why = ([speak_plainly(x, record, planned) for x in each] for each in (lines, why))
+        return {"kind": reply["kind"], "lines": lines, "why": why, "choices": choices,
+                "caveat": reply.get("caveat", "")}  # fmt: skip
 
     def find_plan(self, which: str | None) -> PlanFile:
         """The plan of a version, its text that of the scene; InputError if there is none."""

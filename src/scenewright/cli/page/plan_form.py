@@ -10,17 +10,17 @@ from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.plan_file import PlanFile, compute_digest, read_plan
 
 
-def read_plan_object(given: Any) -> PlanFile:
-    """The plan in an object of the page; InputError, which names the field, if it is none."""
+def read_plan_object(given: Any, intersection: str | None = None) -> PlanFile:
+    """The plan in an object of the page, with ways for its agents where a place is named.
+
+    Raises:
+        InputError: it is none; names the field.
+    """
     if not isinstance(given, dict):
         raise InputError("a plan is an object with its fields")
-    return read_plan(given)
-
-
-def check_plan_object(given: Any, intersection: str) -> PlanFile:
-    """The plan in an object of the page, if that intersection has ways for its agents."""
-    found = read_plan_object(given)
-    check_plan(found, intersection=intersection)
+    found = read_plan(given)
+    if intersection is not None:
+        check_plan(found, intersection=intersection)
     return found
 
 

@@ -27,9 +27,7 @@ _BODIES: dict[str, tuple[str, dict[str, Any]]] = {
     "/api/threads": ("application/json", _build_object((), intersection=_TEXT, seed=_WHOLE)),
     "/api/threads/{thread}/turn": (
         "application/json",
-        _build_object(
-            ("action",), action={"type": "string", "enum": list(ACTIONS)}, argument=_TEXT
-        ),
+        _build_object(("action",), action={"enum": list(ACTIONS)}, argument=_TEXT),
     ),
     "/api/plan": (
         "application/json",
@@ -44,8 +42,7 @@ _BODIES: dict[str, tuple[str, dict[str, Any]]] = {
         "application/json",
         _build_object(
             ("name",), name=_TEXT, junction=_TEXT,
-            side={"type": "string", "enum": ["", "left", "right"]},
-            signals={"type": "string", "enum": ["", "keep", "assume", "none"]},
+            side={"enum": ["", "left", "right"]}, signals={"enum": ["", "keep", "assume", "none"]},
         ),
     ),
 }  # fmt: skip

@@ -30,7 +30,7 @@ from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversation, Conversations
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
-from scenewright.cli.page.plan_form import check_plan_object, describe_plan_file
+from scenewright.cli.page.plan_form import describe_plan_file, read_plan_object
 from scenewright.cli.page.saved import SAVED, write_saved
 from scenewright.cli.page.schema import describe_routes
 from scenewright.cli.page.suggestions import list_places, list_words
@@ -86,14 +86,9 @@ class Page:
     """The routes, over the conversations they work on."""
 
     def __init__(
-        self,
-        conversations: Conversations,
-        *,
-        choice: ModelChoice,
-        intersection: str,
-        batches: Batches,
-        own_maps: OwnMaps,
-    ) -> None:
+        self, conversations: Conversations, *, choice: ModelChoice, intersection: str,
+        batches: Batches, own_maps: OwnMaps,
+    ) -> None:  # fmt: skip
         self._conversations = conversations
         self._choice, self._intersection = choice, intersection
         self._batches, self._own_maps = batches, own_maps
@@ -234,7 +229,7 @@ class Page:
         asked = await read_object(request)
         place = read_text(asked, "intersection", self._intersection)
         if "plan" in asked:
-            found = await run_in_threadpool(check_plan_object, asked["plan"], place)
+            found = await run_in_threadpool(read_plan_object, asked["plan"], place)
         elif "thread" in asked:
             name, which = read_text(asked, "thread"), asked.get("version")
             held = await run_in_threadpool(self._conversations.get, name)

@@ -199,18 +199,17 @@ def _find_clashes(file: Path, keys: bytes) -> frozenset[str]:
 
 def _read(file: Path) -> Iterator[tuple[int, DatasetRow]]:
     """(line, row), blank lines left out; a file that does not begin as JSON lists sentences."""
-    listed: bool | None = None
     try:
         with file.open("rb") as stream:
-            line = 0
+            line, first = 0, b""
             while data := stream.readline(MOST_LINE + 1):
                 line += 1
                 if len(data) > MOST_LINE:
                     raise InputError(f"{file}, line {line}: longer than {MOST_LINE} bytes")
                 text = data.removeprefix(b"\xef\xbb\xbf") if line == 1 else data
                 if text.strip():
-                    listed = text.lstrip()[:1] not in b'{["' if listed is None else listed
-                    if listed:  # what is no text is refused as such
+                    first = first or text.lstrip()[:1]
+                    if first not in b'{["':  # what is no text is refused as such
                         said = text.decode("utf-8", "surrogateescape").strip()
                         text = json.dumps({"id": f"line-{line:04}", "text": said}).encode()
                     yield line, _parse_row(text, f"{file}, line {line}")
