@@ -18,10 +18,9 @@ from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiabl
 MOST_BODY = 100_000
 """Bytes of a request in JSON; words are far shorter."""
 Answer = Callable[[Request], Awaitable[Response]]
-PlainAnswer = Callable[[Request], Response]
 
 
-def answer_safely(answer: Answer | PlainAnswer) -> Answer:
+def answer_safely(answer: Answer | Callable[[Request], Response]) -> Answer:
     """The route, with what goes wrong as one line of JSON; one that is no coroutine runs aside."""
 
     @wraps(answer)
