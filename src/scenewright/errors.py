@@ -28,6 +28,7 @@ class ScenewrightError(Exception):
 
     Attributes:
         models: what models were asked and took until then, by task, as provenance has it.
+        called: how people call the agents of the plan that came to nothing, by name.
     """
 
     exit_code = 1
@@ -35,6 +36,7 @@ class ScenewrightError(Exception):
     def __init__(self, *words: object) -> None:
         super().__init__(*words)
         self.models: Mapping[str, Any] = {}
+        self.called: Mapping[str, str] = {}
 
 
 class InputError(ScenewrightError):

@@ -112,6 +112,23 @@ def test_what_cannot_be_shown_is_left_out_by_a_button_and_the_log_survives(
     assert log == [refused, made, later, asked]
 
 
+def test_a_refusal_is_in_words_of_people_before_there_is_a_scene_and_after_a_reload(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = client.post("/api/threads", json={}).json()["thread"]
+    with monkeypatch.context() as limited:
+        limited.setattr("scenewright.graph.run.MOST_WORK", 1000)
+        words = "A left-turning taxi hits a pedestrian at 19 m/s."
+        refused = take_turn(client, name, "make", words)[-1]["reply"]
+    told = " ".join([*refused["lines"], *refused["why"]])
+    assert refused["kind"] == "refused"
+    assert "the taxi" in told
+    assert not re.search(r"_|(?:vehicle|pedestrian)-\d|because: ", told)
+    take_turn(client, name, "make", YIELD)
+    first = client.get(f"/api/threads/{name}/log").json()["turns"][0]
+    assert first == {"words": words, **refused}
+
+
 def test_a_branch_takes_any_text_but_a_number(client: TestClient, thread: str) -> None:
     for text, said in (("später: <b>x</b> & y", "später: <b>x</b> & y"), ("12", "no number")):
         reply = take_turn(client, thread, "branch", text)[-1]["reply"]
@@ -185,7 +202,7 @@ def test_the_plan_of_words_is_changed_made_and_changed_in_words(client: TestClie
     plan["measures"] = [{"kind": "speed", "agent": "vehicle-1", "value": "30 km/h"}]
     found = client.post("/api/plan", json={"plan": plan}).json()
     assert found["words"].startswith("A bus turns left.")
-    assert "The bus drives at 8.33 m/s" in found["words"]
+    assert "The bus drives at 30 km/h" in found["words"]
     assert "read_as" not in found["plan"]
     name = client.post("/api/threads", json={}).json()["thread"]
     *_, last = take_turn(client, name, "plan", json.dumps(plan))

@@ -60,6 +60,18 @@ def test_bytes_that_are_no_text_are_named_by_their_line(tmp_path: Path) -> None:
         read_source(path)
 
 
+def test_plain_sentences_are_rows_by_their_lines(tmp_path: Path) -> None:
+    given = source(tmp_path, "\ufeffA car follows a bus.", "", 'A "van" yields.', "{a} taxi yields")
+    rows = [each.row for each in read_source(given)]
+    assert [each.id for each in rows] == ["line-0001", "line-0003", "line-0004"]
+    assert [each.text for each in rows][:2] == ["A car follows a bus.", 'A "van" yields.']
+    given.write_bytes(b"A car follows a bus\nA van \xff\n")
+    with pytest.raises(InputError, match=r"line 2: .*surrogate"):
+        read_source(given)
+    with pytest.raises(InputError, match=r"line 2: not JSON: .*or all are sentences"):
+        read_source(source(tmp_path, row("a"), "A van yields."))
+
+
 def test_no_rows_and_no_file_are_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no rows"):
         read_source(source(tmp_path, "", "  "))

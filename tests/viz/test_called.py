@@ -58,7 +58,15 @@ def test_those_that_are_not_named_keep_the_name_that_edits_know(scene: SceneReco
         ("contact(vehicle-1, pedestrian-2, pedestrian_strike): too late",
          "contact of the car, the pedestrian, pedestrian strike: too late"),
         ("collide_at of vehicle-12", "collision of vehicle-12"),
+        ("yielding of the car at 4 s (1 such; 1 is vehicle-1; 22 is pedestrian-8)",
+         "yielding of the car at 4 s"),
     ],
 )  # fmt: skip
 def test_no_word_of_a_program_is_read(scene: SceneRecord, text: str, plain: str) -> None:
     assert speak_plainly(text, scene) == plain
+
+
+def test_agents_of_a_plan_that_came_to_no_scene_are_called_too() -> None:
+    text = "no_interaction(vehicle-3, vehicle-2) (115x)"
+    called = {"vehicle-2": "the taxi", "vehicle-3": "the van"}
+    assert speak_plainly(text, None, called) == "no interaction of the van, the taxi"

@@ -688,6 +688,7 @@ def _build_refusal(
         "code": code,
         "reason": reason,
         "rejections": [each.model_dump(mode="json") for each in rejections],
+        "called": {} if isinstance(error, DeclinedTurn | Rejected) else dict(error.called),
     }
     spent = {} if isinstance(error, DeclinedTurn) else error.models
     paid = {**state.get("models", {}), **spent}

@@ -47,12 +47,13 @@ class PendingChoice(TypedDict):
 
 
 class RefusedTurn(TypedDict):
-    """Why a turn came to nothing."""
+    """Why a turn came to nothing; `called` is how people call the agents of its plan."""
 
     words: str
     code: str
     reason: str
     rejections: list[dict[str, Any]]
+    called: dict[str, str]
 
 
 class ThreadSetting(TypedDict):

@@ -105,7 +105,7 @@ class RunOptions(SceneOptions, ModelOptions):
 
 def make_batch(
     *,
-    rows: str = argument(..., "Rows with `id` and `text`.", metavar="IN.jsonl"),
+    rows: str = argument(..., "Rows with `id` and `text`, or plain sentences.", metavar="IN"),
     out: Out,
     run: RunOptions,
     selection: Literal["draw", "map"] = option(

@@ -238,7 +238,7 @@ def show(
         metavar="SCENE...",
     ),
     png: str | None = option(
-        None, "Write a picture; of several scenes a contact sheet.", metavar="F"
+        None, "Write a picture; of several scenes contact sheets.", metavar="F"
     ),
     html: str | None = option(
         None, "Write a page that plays and explains it, to share.", metavar="F"
@@ -253,8 +253,8 @@ def show(
     if wanted:
         from scenewright.cli.views import write_views
 
-        write_views(scenes, wanted, whole=whole)
-        write_stdout("".join(f"{name}\n" for name in wanted.values()))
+        written = write_views(scenes, wanted, whole=whole)
+        write_stdout("".join(f"{name}\n" for name in written))
         return
     from scenewright.viz.recording import open_recording
 

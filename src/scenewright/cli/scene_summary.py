@@ -44,7 +44,7 @@ def summarize_scene(
     if not lines and not scene.encounters:
         lines = ["nothing happens: no collision, near miss or yielding"]
     lines += _describe_unasked_runs(scene, proof)
-    lines += [_describe_object(each, scene, proof) for each in scene.objects]
+    lines += [_describe_object(each, scene, proof, intersection_map) for each in scene.objects]
     lines += [_describe_background(scene), *list_unseen_words(proof), *list_choices(scene.said)]
     return [format_verdict(proof), *(f"  {line}" for line in lines)]
 
@@ -170,8 +170,10 @@ def _describe_unasked_runs(scene: SceneRecord, proof: Proof) -> list[str]:
     ]
 
 
-def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> str:
-    """Parked vehicles, and when the agents that they hide are first seen."""
+def _describe_object(
+    each: ObjectRecord, scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap
+) -> str:
+    """Where an object is, who meets it, and when the agents that it hides are first seen."""
     what = f"{each.kind} {each.subtype or ''}".replace("_", "-").strip()
     names = {agent.id: agent.name for agent in scene.agents}
     seen = [f for f in proof.figures.get("first_visible", ()) if f["object"] == each.id]
@@ -187,7 +189,7 @@ def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> st
         if figure["object"] == each.id
     )
     stands = "stands" if each.since is None else f"opens at {each.since:.1f} s"
-    return f"{each.id} ({what}) {stands} at ({each.x:.1f}, {each.y:.1f}){hides}{met}"
+    return f"{each.id} ({what}) {stands} {place((each.x, each.y), intersection_map)}{hides}{met}"
 
 
 def _describe_background(scene: SceneRecord) -> str:

@@ -130,10 +130,11 @@ def record_version(shown: SessionVersion, path: Path) -> None:
     )
 
 
-def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: bool) -> None:
-    """Writes the views that were asked for, kind -> file; of several scenes a contact sheet.
+def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: bool) -> list[str]:
+    """Writes the views that were asked for, kind -> file; of several scenes contact sheets.
 
-    The proof is computed anew, so that a page never shows the proof of another scene.
+    Returns the names of the files. The proof is computed anew, so that a page never shows that of
+    another scene.
 
     Raises:
         InputError: there is no scene, or a file cannot be written.
@@ -148,13 +149,14 @@ def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: 
         folders = [each for each in folders if (each / "scene.json").is_file()]
     if folders != [Path(scenes[0])]:
         if [*files] != ["png"]:
-            raise InputError("of several scenes there is a contact sheet alone: --png F")
-        from scenewright.viz.contact_sheet import draw_contact_sheet
+            raise InputError("of several scenes there are contact sheets alone: --png F")
+        from scenewright.viz.contact_sheet import draw_contact_sheets
 
         records = ((each.name, load_scene(each)) for each in folders)
-        draw_contact_sheet(files["png"], ((name, scene, verify(scene)) for name, scene in records))
-        return
+        shown = ((name, scene, verify(scene)) for name, scene in records)
+        return draw_contact_sheets(files["png"], shown)
     record = load_scene(scenes[0])
     proof = verify(record)
     for kind, name in files.items():
         write_view(kind, Path(name), record, proof, whole=whole)
+    return [*files.values()]

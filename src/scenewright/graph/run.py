@@ -46,6 +46,7 @@ from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.kinds import list_values
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.phrasing import choose_names
 from scenewright.scene.plan_fields import word_plan
 from scenewright.scene.plan_file import PlanFault, PlanFile
 from scenewright.scene.record import SceneRecord
@@ -219,7 +220,7 @@ def synthesize(
             state, seconds = _run(start, context)
         if "scene" not in state or state.get("refused") is not None:
             rule = get_backend_of_task(context.backend, "constraints").deterministic
-            raise _build_refusal(state, rule=rule)
+            raise _call_agents(_build_refusal(state, rule=rule), state)
     except ScenewrightError as error:
         error.models = sum_costs_by_task(calls)
         raise
@@ -555,7 +556,7 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
                     seconds[stage] = seconds.get(stage, 0.0) + now - before
                 before = now
     except (TimeLimitReachedError, WorkLimitReachedError) as error:
-        raise _build_cut_off(cast(SceneState, state), error) from error
+        raise _call_agents(_build_cut_off(cast(SceneState, state), error), state) from error
     return cast(SceneState, state), seconds
 
 
@@ -621,10 +622,13 @@ def _build_refusal(state: SceneState, *, rule: bool) -> InputError | Unsatisfiab
         return BackendFault(f"the {asked}", final=True, rejections=rejections)
     if last.stage == "scene_planner" or last.code in ("malformed_program", "unlawful"):
         return Unsatisfiable(last.detail, rejections)
-    reason = _choose_best_reason(rejections)
-    return Unsatisfiable(
-        f"no verified scene within {len(rejections)} attempts; {reason}", rejections
-    )
+    told = f"no verified scene within {len(rejections)} attempts; {_choose_best_reason(rejections)}"
+    return Unsatisfiable(told, rejections)
+
+
+def _call_agents(error: ScenewrightError, state: Mapping[str, Any]) -> ScenewrightError:
+    error.called = choose_names(state["social_graph"]) if "social_graph" in state else {}
+    return error
 
 
 def _build_cut_off(

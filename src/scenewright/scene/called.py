@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Mapping
 
 from scenewright.scene.phrasing import name_kind, number_nouns
 from scenewright.scene.record import SceneRecord
@@ -35,12 +36,16 @@ def call_agents(scene: SceneRecord) -> dict[int, str]:
     return {agent.id: agent.name for agent in scene.agents} | number_nouns(nouns)
 
 
-def speak_plainly(text: str, scene: SceneRecord) -> str:
-    """The text with agents and objects as they are called, without underscores and calls."""
-    called = call_agents(scene)
-    things = {each.id: f"{each.kind} {each.subtype or ''}".strip() for each in scene.objects}
-    names = number_nouns({key: noun.replace("_", "-") for key, noun in things.items()})
-    names |= {each.name: called[each.id] for each in scene.agents if each.role == "foreground"}
+def speak_plainly(
+    text: str, scene: SceneRecord | None, planned: Mapping[str, str] | None = None
+) -> str:
+    """The text with agents, `planned` ones too, and objects as they are called, without code."""
+    called, names = {} if scene is None else call_agents(scene), dict(planned or {})
+    if scene is not None:
+        things = {x.id: f"{x.kind} {x.subtype or ''}".strip() for x in scene.objects}
+        things = {name: noun.replace("_", "-") for name, noun in things.items()}
+        named = {x.name: called[x.id] for x in scene.agents if x.role == "foreground"}
+        names = number_nouns(things) | named | names
 
     def spell(found: re.Match[str]) -> str:
         words = f"{found[1]} of {found[2]}" if found[1] else found[0]
@@ -50,6 +55,7 @@ def speak_plainly(text: str, scene: SceneRecord) -> str:
         numbers = found[1] or found[2]
         return re.sub(r"\d+", lambda each: called.get(int(each[0]), each[0]), numbers)
 
+    text = re.sub(r" \(\d+ such(?:; \d+ is [\w-]+)*\)", "", text)  # a key to numbers
     text = _NUMBERS.sub(name_numbers, _CODE.sub(spell, text))
     for name, meant in names.items():  # what stands in brackets behind a name repeats its noun
 

@@ -42,6 +42,7 @@ _MEASURES: dict[MeasureKind, str] = {
     "front_point_right": "{a} is hit by {b} at {value} of its front from the right",
     "side_point": "{a} is hit by {b} at {value} of its side",
 }  # fmt: skip
+_KMH = 3.6  # in a metre a second; people say speeds so
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
 
@@ -148,7 +149,7 @@ def _describe_relation(
     if edge.target_ttc is not None:
         words += f" with a TTC of {edge.target_ttc:.3g} s"
     if edge.impact_speed is not None:
-        words += f" at an impact speed of {edge.impact_speed:.3g} m/s"
+        words += f" at an impact speed of {edge.impact_speed * _KMH:.3g} km/h"
     runs = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
     if has_trait("cause", edge.cause, "late"):
         words += f" because {names[edge.braker] if edge.braker else 'one of them'} brakes late"
@@ -168,9 +169,10 @@ def _name_point(point: str) -> str:
 
 def _describe_measure(measure: Measure, names: dict[str, str]) -> str:
     unit, slack = UNITS[measure.kind].unit, UNITS[measure.kind].tolerance
-    value = f"{(measure.low + measure.high) / 2:.3g} {unit}"
+    said, scale = ("km/h", _KMH) if unit == "m/s" else (unit, 1.0)
+    value = f"{(measure.low + measure.high) / 2 * scale:.3g} {said}"
     if measure.high - measure.low > 2 * slack + 1e-6:
-        value = f"between {measure.low:.3g} and {measure.high:.3g} {unit}"
+        value = f"between {measure.low * scale:.3g} and {measure.high * scale:.3g} {said}"
     other = "" if measure.other is None else names[measure.other]
     return _MEASURES[measure.kind].format(a=names[measure.agent], b=other, value=value)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
@@ -20,20 +21,31 @@ _COLUMNS, _DPI, _CAPTION = 3, 90, 28
 MOST_SCENES = 60
 
 
-def draw_contact_sheet(path: str | Path, scenes: Iterable[tuple[str, SceneRecord, Proof]]) -> None:
-    """Write a PNG of all scenes, each with its name, in rows of three.
+def draw_contact_sheets(
+    path: str | Path, scenes: Iterable[tuple[str, SceneRecord, Proof]]
+) -> list[str]:
+    """Write PNGs of all scenes, each with its name, in rows of three, `MOST_SCENES` on a sheet.
+
+    Their names are returned: those after the first have their number behind its name.
 
     Raises:
-        InputError: no scene or too many, or the file cannot be written.
+        InputError: no scene, or a file cannot be written.
     """
-    pictures: list[tuple[str, Image.Image]] = []
+    first, rest, written = Path(path), iter(scenes), list[str]()
+    while shown := [*islice(rest, MOST_SCENES)]:
+        number = f"-{len(written) + 1}" if written else ""
+        written.append(str(first.with_stem(first.stem + number)))
+        _write_sheet(written[-1], shown)
+    if not written:
+        raise InputError("none of these folders holds a scene")
+    return written
+
+
+def _write_sheet(path: str, scenes: Iterable[tuple[str, SceneRecord, Proof]]) -> None:
+    pictures = []
     for name, scene, proof in scenes:
-        if len(pictures) == MOST_SCENES:
-            raise InputError(f"a contact sheet has at most {MOST_SCENES} scenes; name fewer")
         page = draw_page(scene, proof, load_map(scene.meta.intersection)).render(_DPI)
         pictures.append((f"{name}: {proof.verdict}", Image.open(BytesIO(page))))
-    if not pictures:
-        raise InputError("none of these folders holds a scene")
     width = max(picture.width for _, picture in pictures)
     height = max(picture.height for _, picture in pictures) + _CAPTION
     columns = min(_COLUMNS, len(pictures))

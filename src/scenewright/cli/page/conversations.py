@@ -107,17 +107,22 @@ class Conversation:
             reply = {**reply, **build_facts(shown)}
         choices = _list_choices(reply, state)
         if reply["kind"] == "asked":
-            reply = {**reply, "question": re.sub(r"(?: \d)?:.*", "?", reply["question"])}
+            asked, offered, _ = reply["question"].partition(" Do you mean 1: ")
+            asked = f"{asked} Do you mean:" if offered else f"{asked.partition(':')[0]}?"
+            reply = {**reply, "question": asked}
         lines = [
             line.partition(OR_LENIENT)[0].partition(" Did you mean: ")[0]
             for _, line in format_reply(reply, shown)
         ]
         refused = state.get("refused")
-        why = explain_refusal(refused) if reply["kind"] == "refused" and refused else []
-        about = shown or self.session.find_version(state.get("current"))
-        if about is not None:
-            lines = [speak_plainly(line, about.record) for line in lines]
-            why = [speak_plainly(line, about.record) for line in why]
+        why: list[str] = []
+        planned: dict[str, str] = {}
+        if reply["kind"] == "refused" and refused:  # its first two lines say the reply again
+            why, planned = explain_refusal(refused)[2:], refused.get("called", {})
+        if shown is None and state.get("current") is not None:  # None would name today's
+            shown = self.session.find_version(state.get("current"))
+        record = None if shown is None else shown.record
+        lines, why = ([speak_plainly(x, record, planned) for x in each] for each in (lines, why))
         return {"kind": reply["kind"], "lines": lines, "why": why, "choices": choices,
                 "caveat": reply.get("caveat", "")}  # fmt: skip
 

@@ -33,6 +33,7 @@ _OURS = frozenset(
      "evaluation", "croissant")
 )  # fmt: skip
 """First parts of the names that stand beside the scenes' folders."""
+_FORMS = 'a line is an object such as {"id": "a-1", "text": "A car yields"}, or all are sentences'
 
 
 class Overrides(Model):
@@ -152,7 +153,7 @@ def read_source(path: str | Path) -> RowSource:
         if given is not None and isinstance(row.plan, str):
             plans.update(compute_digest(given.plan, f"{given.as_read} {given.text}").encode())
     if not lines:
-        raise InputError(f"{file} holds no rows; each line is an object with 'id' and 'text'")
+        raise InputError(f"{file} holds no rows; {_FORMS}")
     clashing = _find_clashes(file, bytes(keys))
     named = hashlib.sha256(b"").digest() != plans.digest()
     with file.open("rb") as stream:
@@ -197,16 +198,20 @@ def _find_clashes(file: Path, keys: bytes) -> frozenset[str]:
 
 
 def _read(file: Path) -> Iterator[tuple[int, DatasetRow]]:
-    """(line, row), blank lines left out."""
+    """(line, row), blank lines left out; a file that does not begin as JSON lists sentences."""
     try:
         with file.open("rb") as stream:
-            line = 0
+            line, first = 0, b""
             while data := stream.readline(MOST_LINE + 1):
                 line += 1
                 if len(data) > MOST_LINE:
                     raise InputError(f"{file}, line {line}: longer than {MOST_LINE} bytes")
                 text = data.removeprefix(b"\xef\xbb\xbf") if line == 1 else data
                 if text.strip():
+                    first = first or text.lstrip()[:1]
+                    if first not in b'{["':  # what is no text is refused as such
+                        said = text.decode("utf-8", "surrogateescape").strip()
+                        text = json.dumps({"id": f"line-{line:04}", "text": said}).encode()
                     yield line, _parse_row(text, f"{file}, line {line}")
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
@@ -216,7 +221,7 @@ def _parse_row(data: bytes, where: str) -> DatasetRow:
     try:
         value = json.loads(data.decode("utf-8"), object_pairs_hook=_check_unique_keys)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: not JSON: {_cut(str(error))}") from error
+        raise InputError(f"{where}: not JSON: {_cut(str(error))}; {_FORMS}") from error
     if not isinstance(value, dict):
         raise InputError(f"{where}: a row is an object with 'id' and 'text', not {_quote(value)}")
     try:
