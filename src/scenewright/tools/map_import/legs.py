@@ -15,16 +15,17 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.tools.map_import.compass import COMPASS_RING, compute_bearing, name_turn
 from scenewright.tools.map_import.survey import Survey, SurveyLane
 
-MOST_LEGS = len(COMPASS_RING)
+LEAST_LEGS, MOST_LEGS = 3, len(COMPASS_RING)
 _MOST_LANES = 16
 """Of one direction of a street; toll plazas aside, none has more."""
-_SAME_LEG = math.radians(24.0)
-"""Lanes whose outward directions differ by less belong to one leg."""
+_SAME_LEG, _WIDEST_LEG = math.radians(24.0), math.radians(36.0)
+"""Neighbouring lanes of one leg have directions that differ by less, its outermost ones, and lanes
+of one street, by less than the second."""
 _BEARING_RANGE = (4.0, 30.0)
 """Distances from the junction between which a lane's direction is measured [m]."""
 _NEAR_OUT, _FAR_OUT = 20.0, 40.0
 """Where lanes of one direction are compared, and where legs are put in order [m]."""
-_WIDEST_MEDIAN, _OTHER_STREET = 45.0, 22.0
+WIDEST_MEDIAN, OTHER_STREET = 45.0, 22.0
 """Lanes of one street lie closer side by side; those of different names closer still [m]."""
 CLEARLY_STRAIGHT, CLEARLY_TURNED = math.radians(20.0), math.radians(50.0)
 
@@ -73,21 +74,37 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
     Raises:
         InputError: fewer than three, or more than there are compass names.
     """
+    if reason := explain_refusal(legs := list_legs(survey)):
+        raise InputError(f"{survey.title} cannot be imported: {reason}")
+    return legs
+
+
+def explain_count(count: int) -> str:
+    """Why no map can be made of a junction of so many legs; "" if one can."""
+    wrong = not LEAST_LEGS <= count <= MOST_LEGS
+    return f"it has {count} legs; an intersection has {LEAST_LEGS} to {MOST_LEGS}" * wrong
+
+
+def explain_refusal(legs: Sequence[SurveyLeg]) -> str:
+    """Why no map can be made of a junction of these legs; "" if one can."""
+    if reason := explain_count(len(legs)):
+        return reason
+    if (widest := max(len(leg.approaches) for leg in legs)) > _MOST_LANES:
+        return (
+            f"it has a leg of {widest} lanes in one direction; a street has at most {_MOST_LANES}, "
+            "is the tag lanes right?"
+        )
+    return ""
+
+
+def list_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
+    """The legs, counter-clockwise by bearing, however many."""
     lanes = [(lane, True) for lane in survey.approaches.values()]
     lanes += [(lane, False) for lane in survey.exits.values()]
     arms = [(orient_outwards(*lane), lane[0].road) for lane in lanes]
     legs = [_build_leg([lanes[i] for i in own]) for own in group_arms(arms)]
-    if (widest := max((len(leg.approaches) for leg in legs), default=0)) > _MOST_LANES:
-        raise InputError(
-            f"{survey.title} has a leg of {widest} lanes in one direction; a street has at most "
-            f"{_MOST_LANES}, is the tag lanes right?"
-        )
-    if not 3 <= len(legs) <= MOST_LEGS:
-        raise InputError(
-            f"{survey.title} has {len(legs)} legs; an intersection has 3 to {MOST_LEGS}"
-        )
     legs.sort(key=_measure_place_angle)
-    first = min(range(len(legs)), key=lambda k: legs[k].bearing)
+    first = min(range(len(legs)), key=lambda k: legs[k].bearing, default=0)
     return (*legs[first:], *legs[:first])
 
 
@@ -106,7 +123,7 @@ def group_arms(arms: Sequence[tuple[FloatArray, str]]) -> Iterator[list[int]]:
     Those of one direction; apart are those that lie too far aside to be of the same street.
     """
     bearings = [measure_bearing(line) for line, _ in arms]
-    for group in _cluster_angles(bearings):
+    for group in _cluster_angles(bearings, [name for _, name in arms]) if arms else ():
         ahead = np.array([(math.cos(bearings[i]), math.sin(bearings[i])) for i in group])
         left = rotate_left(ahead.sum(axis=0) / np.hypot(*ahead.sum(axis=0)))
         aside = {i: float(find_point(arms[i][0], _NEAR_OUT) @ left) for i in group}
@@ -114,7 +131,7 @@ def group_arms(arms: Sequence[tuple[FloatArray, str]]) -> Iterator[list[int]]:
         own = [order[0]]
         for before, after in pairwise(order):
             same = arms[before][1] == arms[after][1] != ""
-            if aside[after] - aside[before] > (_WIDEST_MEDIAN if same else _OTHER_STREET):
+            if aside[after] - aside[before] > (WIDEST_MEDIAN if same else OTHER_STREET):
                 yield own
                 own = []
             own.append(after)
@@ -129,7 +146,7 @@ def measure_bearing(line: FloatArray) -> float:
     return math.atan2(*(far - near)[::-1])
 
 
-def _cluster_angles(angles: Sequence[float]) -> list[list[int]]:
+def _cluster_angles(angles: Sequence[float], streets: Sequence[str]) -> list[list[int]]:
     """Groups of neighbouring angles, split where two neighbours are far apart."""
     order = sorted(range(len(angles)), key=lambda i: angles[i])
     following = [*order[1:], order[0]]
@@ -142,7 +159,8 @@ def _cluster_angles(angles: Sequence[float]) -> list[list[int]]:
     for k in range(first, first + len(order)):
         i, gap = order[k % len(order)], gaps[(k - 1) % len(order)]
         width = abs(math.remainder(angles[i] - angles[groups[-1][0]], math.tau)) if groups else 0.0
-        if groups and gap < _SAME_LEG and width < 1.5 * _SAME_LEG:
+        same = groups and streets[i] == streets[groups[-1][-1]] != ""
+        if groups and gap < (_WIDEST_LEG if same else _SAME_LEG) and width < _WIDEST_LEG:
             groups[-1].append(i)
         else:
             groups.append([i])
