@@ -34,6 +34,8 @@ _LONGEST_SLIP = 70.0
 """Slip lanes that are longer are streets of their own [m]."""
 _WIDEST_ISLAND = 35.0
 """A slip lane of no class of its own passes the junction's node so near [m]."""
+_FARTHEST = 130.0
+"""The nodes of one junction, a roundabout's aside, lie no farther apart to north or east [m]."""
 _OPPOSITE = math.radians(40.0)
 
 
@@ -67,7 +69,7 @@ def group_junctions(
     """Every junction of three or more legs as drivers see it; its id is the least of its nodes'.
 
     Joined to one are the nodes of a roundabout, of the carriageways of a divided street, of slip
-    lanes, and nodes that short pieces of street connect.
+    lanes, and nodes that short pieces of street connect, as far as one map can show them.
 
     Args:
         places: [2] by node [m].
@@ -82,15 +84,23 @@ def group_junctions(
     # Its functions have no types.
     joined: Any = import_module("scipy.cluster.hierarchy").DisjointSet(at)
     ring = {node for piece in pieces if piece.is_ring for node in (piece.start, piece.end)}
-    for piece in pieces:
+
+    def join(a: str, b: str) -> None:
+        spots = np.array([places[node] for node in {*joined.subset(a), *joined.subset(b)}])
+        if np.ptp(spots, axis=0).max() < _FARTHEST:
+            joined.merge(a, b)
+
+    for piece in sorted(pieces, key=lambda each: (not each.is_ring, measure_length(each.line))):
         ends = {piece.start, piece.end}
         # A slip lane of a roundabout leads to a street of its own unless it is very short.
         leaves_ring = piece.is_slip and len(ends & ring) == 1
         inside = ends <= branching and _lies_inside(piece, at, is_slip=not leaves_ring)
-        if piece.is_ring or inside:
+        if piece.is_ring:
             joined.merge(piece.start, piece.end)
+        elif inside:
+            join(piece.start, piece.end)
     for a, b in (*_find_sides(pieces, branching, joined), *_find_slips(pieces, places, at)):
-        joined.merge(a, b)
+        join(a, b)
     _add_dead_ends(at, places, joined)
     nodes = [own for own in joined.subsets() if len(own) > 1 or own <= branching]
     found = [
@@ -196,7 +206,7 @@ def _joins_carriageways(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiec
     ]
     course, length = math.atan2(across[1], across[0]), measure_length(piece.line)
     return any(
-        length < (WIDEST_MEDIAN if name == other != "" else OTHER_STREET)
+        length < (WIDEST_MEDIAN if name == other else OTHER_STREET)
         and abs(_turn(a, b + math.pi)) < _OPPOSITE
         and math.radians(45) < abs(_turn(a, course)) < math.radians(135)
         for a, name in ways[0]
