@@ -80,7 +80,7 @@ _SHARPEST = 35.0
 """Radius of a curve that belongs to a turn, not to a leg [m]."""
 _BEND_REACH = 100
 """Bends farther from the shared ground belong to another junction [half metres]."""
-_BEND_GAP = 40
+_BEND_GAP = 20
 """A bend behind so much straight street is none of the junction's [half metres]."""
 _GRAFT_TURN = math.radians(40.0)
 _LONGEST_APPROACH = 120.0
