@@ -82,7 +82,7 @@ _BEND_REACH = 100
 """Bends farther from the shared ground belong to another junction [half metres]."""
 _BEND_GAP = 20
 """A bend behind so much straight street is none of the junction's [half metres]."""
-_GRAFT_TURN = math.radians(40.0)
+_SAME_COURSE = math.radians(40.0)
 _LONGEST_APPROACH = 120.0
 _LIGHTS = ("traffic_light", "traffic_light_regulatory_element")
 _FOR_PEDESTRIANS = ("crosswalk", "walkway")
@@ -157,8 +157,8 @@ class _Path:
 
     @classmethod
     def join(cls, held: LaneletFile, names: Sequence[str]) -> _Path:
-        line = np.concatenate([held.lanelets[name].middle for name in names])
-        line = resample_by_spacing(_graft(line, names, held), 0.5)
+        middles = np.concatenate([held.lanelets[name].middle for name in names])
+        line = resample_by_spacing(middles, 0.5)
         last = np.array([held.lanelets[name].middle[-1] for name in names])
         return cls(tuple(names), line, 0.5 * measure_distances(last, line).argmin(axis=1))
 
@@ -229,7 +229,7 @@ class LaneletFile:
         for a, b in sorted(met[0] ^ met[1]):
             before, after = lanes[a].middle, lanes[b].middle
             turn = measure_turn(before[-1] - before[-2], after[1] - after[0])
-            if (a not in ended or b not in begun) and abs(turn) < _GRAFT_TURN:
+            if (a not in ended or b not in begun) and abs(turn) < _SAME_COURSE:
                 both.add((a, b))
         found: dict[str, list[str]] = {name: [] for name in names}
         for a, b in sorted(both):
@@ -657,8 +657,6 @@ _AHEAD = 30
 """Lanelets part within so far, in points about half a metre apart."""
 _ENDS = 6
 """So many points at either end of a path have no curvature of their own."""
-_LEAST_POINTS = 4
-"""A path of fewer points has no direction to go on in."""
 
 
 def _measure_curvature(line: FloatArray) -> FloatArray:
@@ -670,45 +668,6 @@ def _measure_curvature(line: FloatArray) -> FloatArray:
     bend = np.abs(np.gradient(course)) / np.maximum(np.hypot(*step.T), 1e-6)
     bend[:_ENDS] = bend[-_ENDS:] = 0.0
     return np.asarray(bend)
-
-
-def _graft(line: FloatArray, names: Sequence[str], held: LaneletFile) -> FloatArray:
-    """A path that ends upon another lanelet goes on along it, and begins along one likewise."""
-    if len(line) < _LEAST_POINTS:
-        return line
-    after = before = None
-    if not held.follows[names[-1]]:
-        after = _find_beneath(line[-1], line[-1] - line[-4], names, held)
-    if not held.leads_to[names[0]]:
-        before = _find_beneath(line[0], line[3] - line[0], names, held)
-    if after is not None:
-        line = np.concatenate([line, after[1][after[0] + 8 :]])
-    if before is not None:
-        line = np.concatenate([before[1][: max(before[0] - 8, 0)], line])
-    return line
-
-
-def _find_beneath(
-    point: FloatArray, direction: FloatArray, names: Sequence[str], held: LaneletFile
-) -> tuple[int, FloatArray] | None:
-    """The nearest other lanelet along its way beneath a point: where along it, its middle."""
-    best: tuple[float, int, FloatArray] | None = None
-    for name in held.list_near(geos.Point(point), _WIDEST / 2):
-        lanelet = held.lanelets[name]
-        if name in names:
-            continue
-        apart = np.hypot(*(lanelet.middle - point).T)
-        k = int(np.argmin(apart))
-        if apart[k] > lanelet.width / 2 or not 4 <= k < len(lanelet.middle) - 4:
-            continue
-        turn = abs(measure_turn(direction, lanelet.middle[k + 2] - lanelet.middle[k - 2]))
-        if turn < _GRAFT_TURN and (best is None or apart[k] < best[0]):
-            best = (float(apart[k]), k, lanelet.middle)
-    return None if best is None else best[1:]
-
-
-_WIDEST = 12.0
-"""Of a lanelet that a path ends upon [m]."""
 
 
 def _find_shared_ground(held: LaneletFile) -> Any:

@@ -39,7 +39,6 @@ from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
     list_opendrive_lights,
-    list_opendrive_lines,
     read_opendrive_file,
 )
 from scenewright.tools.map_import.osm_features import (
@@ -115,10 +114,15 @@ def read_sumo(
     if drive is None:
         return replace(survey, drawn=keep_near(_list_shapes(net), middle))
     crossings = list_opendrive_crossings(drive, middle)
+    lights = list_opendrive_lights(drive, middle)
+    shapes = {
+        **_list_shapes(net),
+        "crossings": [each.line + middle for each in crossings],
+        "lights": [each.place + middle for each in lights],
+    }
     return replace(
-        survey, crossings=(*survey.crossings, *crossings), phases=(),
-        lights=tuple(list_opendrive_lights(drive, middle)),
-        drawn=keep_near(list_opendrive_lines(drive, middle), middle),
+        survey, crossings=(*survey.crossings, *crossings), phases=(), lights=tuple(lights),
+        drawn=keep_near(shapes, middle),
     )  # fmt: skip
 
 
