@@ -15,7 +15,7 @@ from scenewright.tools.map_import.ground_areas import (
     build_crossing_line,
     place_crosswalk,
 )
-from scenewright.tools.map_import.legs import SurveyLeg, find_legs
+from scenewright.tools.map_import.legs import SurveyLeg, find_legs, list_legs
 from scenewright.tools.map_import.mapped_crosswalks import (
     LegCrossing,
     MappedCrosswalk,
@@ -267,3 +267,13 @@ def test_the_crosswalk_of_a_leg_that_turns_back_crosses_it_once():
     placed, _ = place_crosswalk(leg, shapely.LineString(line).buffer(2), None, room=40.0)
     assert placed is not None
     assert np.hypot(*np.diff(placed.ends, axis=0)[0]) == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("far", "out", "count"),
+    [((-14, 4), (-10, 8), 2), ((-14, -10), (4, 8), 1), ((-5, 2), (-2, 5), 1)],
+)
+def test_streets_that_are_both_driven_both_ways_are_two_legs(far, out, count):
+    approaches = {f"in {x}": ([(x, 80), (x, 10)], "High Street") for x in far}
+    exits = {f"out {x}": ([(x, 10), (x, 80)], "High Street") for x in out}
+    assert len(list_legs(build_survey(approaches, exits, []))) == count

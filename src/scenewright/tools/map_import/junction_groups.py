@@ -19,6 +19,7 @@ from scenewright.tools.map_import.legs import (
     LEAST_LEGS,
     OTHER_STREET,
     WIDEST_MEDIAN,
+    Arm,
     explain_count,
     group_arms,
     measure_bearing,
@@ -231,12 +232,14 @@ def _build_junction(
         for piece in at[node]:
             if piece.start not in nodes or piece.end not in nodes:
                 line = piece.line if piece.start == node else piece.line[::-1]
-                arms.append((line, piece.name_at(node)))
+                leads = "out" if piece.start == node else "in"
+                leads = leads if piece.is_one_way else "in out"
+                arms.append(Arm(line, piece.name_at(node), leads))
     middle = np.mean([places[node] for node in nodes], axis=0)
     found = []
     for own in group_arms(arms):
-        ahead = sum(np.exp(1j * measure_bearing(arms[i][0])) for i in own)
-        name = min((arms[i][1] for i in own), key=lambda name: (not name, name))
+        ahead = sum(np.exp(1j * measure_bearing(arms[i].line)) for i in own)
+        name = min((arms[i].street for i in own), key=lambda name: (not name, name))
         found.append((float(np.angle(ahead)), name))
     found.sort()
     return Junction(

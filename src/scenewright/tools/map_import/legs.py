@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations, groupby, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,8 @@ _NEAR_OUT, _FAR_OUT = 20.0, 40.0
 """Where lanes of one direction are compared, and where legs are put in order [m]."""
 WIDEST_MEDIAN, OTHER_STREET = 45.0, 22.0
 """Lanes of one street lie closer side by side; those of different names closer still [m]."""
+_ISLAND = 8.0
+"""Between the middles of lanes, or of streets, that an island parts, at least [m]."""
 CLEARLY_STRAIGHT, CLEARLY_TURNED = math.radians(20.0), math.radians(50.0)
 
 
@@ -101,7 +104,7 @@ def list_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
     """The legs, counter-clockwise by bearing, however many."""
     lanes = [(lane, True) for lane in survey.approaches.values()]
     lanes += [(lane, False) for lane in survey.exits.values()]
-    arms = [(orient_outwards(*lane), lane[0].road) for lane in lanes]
+    arms = [Arm(orient_outwards(*x), x[0].road, "in" if x[1] else "out") for x in lanes]
     legs = [_build_leg([lanes[i] for i in own]) for own in group_arms(arms)]
     legs.sort(key=_measure_place_angle)
     first = min(range(len(legs)), key=lambda k: legs[k].bearing, default=0)
@@ -117,25 +120,56 @@ def _measure_place_angle(leg: SurveyLeg) -> float:
     return math.atan2(y, x)
 
 
-def group_arms(arms: Sequence[tuple[FloatArray, str]]) -> Iterator[list[int]]:
-    """Which arms (line outwards [P, 2] [m], name of its street) are of one leg.
+class Arm(NamedTuple):
+    """A lane or a street at a junction.
 
-    Those of one direction; apart are those that lie too far aside to be of the same street.
+    Attributes:
+        line: [P, 2] outwards [m]; street: its name; leads: `in`, `out`, or `in out` for both.
     """
-    bearings = [measure_bearing(line) for line, _ in arms]
-    for group in _cluster_angles(bearings, [name for _, name in arms]) if arms else ():
+
+    line: FloatArray
+    street: str
+    leads: str
+
+
+def group_arms(arms: Sequence[Arm]) -> Iterator[list[int]]:
+    """Which arms are of one leg.
+
+    Those of one direction; apart are those that lie too far aside to be of the same street, and
+    streets side by side that are both driven both ways.
+    """
+    bearings = [measure_bearing(arm.line) for arm in arms]
+    for group in _cluster_angles(bearings, [arm.street for arm in arms]) if arms else ():
         ahead = np.array([(math.cos(bearings[i]), math.sin(bearings[i])) for i in group])
         left = rotate_left(ahead.sum(axis=0) / np.hypot(*ahead.sum(axis=0)))
-        aside = {i: float(find_point(arms[i][0], _NEAR_OUT) @ left) for i in group}
+        aside = {i: float(find_point(arms[i].line, _NEAR_OUT) @ left) for i in group}
         order = sorted(group, key=lambda i: (aside[i], i))
         own = [order[0]]
         for before, after in pairwise(order):
-            same = arms[before][1] == arms[after][1] != ""
+            same = arms[before].street == arms[after].street != ""
             if aside[after] - aside[before] > (WIDEST_MEDIAN if same else OTHER_STREET):
-                yield own
+                yield from _part_streets(own, arms, aside)
                 own = []
             own.append(after)
+        yield from _part_streets(own, arms, aside)
+
+
+def _part_streets(
+    own: list[int], arms: Sequence[Arm], aside: Mapping[int, float]
+) -> Iterator[list[int]]:
+    """Arms beside one another, parted at the widest gap until each part may be one street.
+
+    Across one street the driving direction changes once.
+    """
+    leads = [lead for i in own for lead in arms[i].leads.split()]
+    runs = sum(1 for _ in groupby(leads))
+    gaps = [(aside[b] - aside[a], k) for k, (a, b) in enumerate(pairwise(own), start=1)]
+    widest, k = max(gaps, default=(0.0, 0))
+    if runs <= 2 or widest < _ISLAND:
         yield own
+    else:
+        yield from _part_streets(own[:k], arms, aside)
+        yield from _part_streets(own[k:], arms, aside)
 
 
 def measure_bearing(line: FloatArray) -> float:
