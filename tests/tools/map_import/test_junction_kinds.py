@@ -113,13 +113,13 @@ STREETS = [("n", "c", "Long"), ("c", "fork", "Long"), ("fork", "s", "Long"), ("w
 def test_a_slip_lane_of_no_class_of_its_own_is_part_of_the_junction_and_no_leg():
     [found] = network(SLIP, [*STREETS, ("fork", "end", "Ring", "is_one_way")])
     assert found.nodes == {"c", "fork", "end"}
-    assert sorted(leg.street for leg in found.legs) == ["Long", "Long", "Mill", "Ring"]
+    assert sorted(found.streets) == ["Long", "Long", "Mill", "Ring"]
 
 
 def test_a_street_round_a_large_block_is_no_slip_lane():
     far = SLIP | {"fork": (0, -60), "end": (60, 0), "mid": (60, -60)}
     around = [("fork", "mid", "Ring", "is_one_way"), ("mid", "end", "Ring", "is_one_way")]
-    assert [len(each.legs) for each in network(far, [*STREETS, *around])] == [4, 3, 3]
+    assert [each.legs for each in network(far, [*STREETS, *around])] == [4, 3, 3]
 
 
 def test_a_far_node_to_which_only_one_junction_leads_is_no_part_of_it():
@@ -202,3 +202,57 @@ def test_a_turning_lane_leaves_the_lane_beside_it(tmp_path):
     apart = np.abs(turning[:, 1] - np.interp(turning[:, 0], straight[::-1, 0], straight[::-1, 1]))
     assert apart[:2].max() < 0.3
     assert apart[-3:].min() > 3.0
+
+
+def test_one_way_streets_of_a_grid_are_no_carriageways_of_one_street():
+    places = {"a": (0, 0), "b": (40, 0), "an": (0, 90), "as": (0, -90), "bn": (40, 90)}
+    places |= {"bs": (40, -90), "w": (-90, 0), "e": (130, 0)}
+    main = [("w", "a", "Main"), ("a", "b", "Main"), ("b", "e", "Main")]
+
+    def count(first, second):
+        up = [("as", "a", first, "is_one_way"), ("a", "an", first, "is_one_way")]
+        down = [("bn", "b", second, "is_one_way"), ("b", "bs", second, "is_one_way")]
+        return [each.legs for each in network(places, [*main, *up, *down])]
+
+    assert count("Elm Street", "Oak Street") == [4, 4]
+    assert count("Elm Street", "Elm Street") == [4]
+    assert len(count("", "")) == 1
+
+
+@needs_sumo
+def test_streets_that_are_tagged_too_narrow_for_two_lanes_are_streets(tmp_path):
+    narrow = {"highway": "residential", "lanes": 1, "width": 3}
+    nodes = {1: (0, 0, {}), 2: (-80, 0, {}), 3: (80, 0, {}), 4: (0, 80, {})}
+    ways = [((2, 1, 3), {**narrow, "name": "Cross"}), ((1, 4), {**narrow, "name": "Long"})]
+    file = write_osm(tmp_path / "x.osm", nodes, ways)
+    [listed] = list_junctions(file).junctions
+    made = import_map(file, name="x")
+    assert listed.legs == len(made.intersection_map.legs) == 3
+    assert {lane.width for lane in made.intersection_map.lanelets} == {2.5}
+    assert any("tagged too narrow" in note for note in made.notes)
+
+
+@needs_sumo
+def test_ways_that_an_editor_drew_have_ids_below_zero_and_its_nodes_are_refused_in_one_line(
+    tmp_path,
+):
+    nodes = {1: (0, 0, {}), 2: (-80, 0, {}), 3: (80, 0, {}), 4: (0, 80, {})}
+    road = {"highway": "residential"}
+    file = write_osm(tmp_path / "x.osm", nodes, [((2, 1, 3), road), ((1, 4), road)])
+    file.write_text(file.read_text().replace('way id="', 'way id="-'))
+    assert len(import_map(file, name="x").intersection_map.legs) == 3
+    file.write_text(re.sub('(node id|ref)="', r'\1="-', file.read_text()))
+    with pytest.raises(InputError, match="nodes with ids below zero"):
+        list_junctions(file)
+
+
+def test_a_lane_that_becomes_wider_goes_on(tmp_path):
+    lanes = list_lanes()
+    whole = import_map(commonroad(tmp_path / "four.xml", lanes), name="x").intersection_map
+    text = (tmp_path / "four.xml").read_text()
+    # The outer bound of the lane from the east ends 1.5 m beside that of its way on.
+    end = "<point><x>34.0000</x><y>4.7500</y></point></rightBound>"
+    assert text.count(end) == 1
+    (tmp_path / "wide.xml").write_text(text.replace(end, end.replace("4.75", "6.25")))
+    made = import_map(tmp_path / "wide.xml", name="x").intersection_map
+    assert len(made.movements) == len(whole.movements)

@@ -15,7 +15,7 @@ from scenewright.tools.map_import.ground_areas import (
     build_crossing_line,
     place_crosswalk,
 )
-from scenewright.tools.map_import.legs import SurveyLeg, find_legs
+from scenewright.tools.map_import.legs import SurveyLeg, find_legs, list_legs
 from scenewright.tools.map_import.mapped_crosswalks import (
     LegCrossing,
     MappedCrosswalk,
@@ -257,3 +257,23 @@ def test_a_long_crosswalk_is_the_files_only_where_the_file_draws_it_as_long(draw
     placed, why = place_crosswalk(leg, road, mapped, room=40.0)
     assert (placed.mapped is mapped, why == "") == (taken, taken)
     assert taken or "24 m long, the leg 8 m wide" in why
+
+
+def test_the_crosswalk_of_a_leg_that_turns_back_crosses_it_once():
+    line = np.array([(0, 4), (0, 20), (-30, 20), (-30, -20)], float)
+    leg = SurveyLeg(
+        0.0, (), (SurveyLane("out", line, 3.5, 13.9, ""),), line[0], np.array([0.0, 1.0])
+    )
+    placed, _ = place_crosswalk(leg, shapely.LineString(line).buffer(2), None, room=40.0)
+    assert placed is not None
+    assert np.hypot(*np.diff(placed.ends, axis=0)[0]) == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("far", "out", "count"),
+    [((-14, 4), (-10, 8), 2), ((-14, -10), (4, 8), 1), ((-5, 2), (-2, 5), 1)],
+)
+def test_streets_that_are_both_driven_both_ways_are_two_legs(far, out, count):
+    approaches = {f"in {x}": ([(x, 80), (x, 10)], "High Street") for x in far}
+    exits = {f"out {x}": ([(x, 10), (x, 80)], "High Street") for x in out}
+    assert len(list_legs(build_survey(approaches, exits, []))) == count

@@ -12,7 +12,7 @@ import numpy as np
 from scenewright.geometry.polyline import resample_by_spacing, rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.legs import SurveyLeg, orient_outwards
-from scenewright.tools.map_import.map_parts import geos, list_lines
+from scenewright.tools.map_import.map_parts import geos, list_lines, list_points
 from scenewright.tools.map_import.mapped_crosswalks import MappedCrosswalk
 
 _SIDEWALK_WIDTH, _CROSSWALK_WIDTH = 3.0, 4.0
@@ -277,9 +277,12 @@ def _cut_road(
     left = rotate_left(leg.outwards)
     if across is not None:
         left = across if float(across @ left) > 0 else -across
-    cut = geos.LineString([middle + 45.0 * left, middle - 45.0 * left]).intersection(road)
-    known = [geos.LineString(line) for line in _extend_into_junction(leg)]
-    known += [geos.Point(place) for place in places]
+    line, at = geos.LineString([middle + 45.0 * left, middle - 45.0 * left]), geos.Point(middle)
+    cut, known = line.intersection(road), [geos.Point(place) for place in places]
+    for lane in _extend_into_junction(leg):
+        # A lane that turns back is crossed twice.
+        met = list_points(line.intersection(geos.LineString(lane)))
+        known += sorted(met, key=at.distance)[:1]
     own = [p for p in list_lines(cut) if any(p.distance(each) < 0.5 for each in known)]
     if not own:
         return None

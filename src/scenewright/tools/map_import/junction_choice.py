@@ -14,6 +14,8 @@ from scenewright.errors import InputError
 from scenewright.geometry.geographic import LatLon, project_to_degrees, project_to_metres
 from scenewright.scene.base import FloatArray
 from scenewright.scene.streets import expand_name
+from scenewright.tools.map_import.legs import LEAST_LEGS, explain_refusal, list_legs
+from scenewright.tools.map_import.survey import Survey
 
 _MAX_LISTED = 12
 _MAX_DISTANCE = 150.0
@@ -25,8 +27,7 @@ class Junction:
     """A junction of a file.
 
     Attributes:
-        id: in the file; xy: where it is [m]; name: of its roads.
-        legs: how many; size: how many roads lead in or out.
+        id: in the file; xy: where it is [m].
         streets: of the legs, "" where one has no name; bearings: of the legs [rad].
         is_roundabout: whether it has a ring.
         nodes: of the network, that make it up.
@@ -36,20 +37,50 @@ class Junction:
 
     id: str
     xy: tuple[float, float]
-    legs: int
-    name: str
-    size: int
-    streets: tuple[str, ...] = ()
-    bearings: tuple[float, ...] = ()
+    streets: tuple[str, ...]
+    bearings: tuple[float, ...]
     is_roundabout: bool = False
     nodes: frozenset[str] = frozenset()
     origin: LatLon | None = None
     refusal: str = ""
 
     @property
+    def legs(self) -> int:
+        """How many legs it has."""
+        return len(self.streets)
+
+    @property
+    def name(self) -> str:
+        """The names of its streets."""
+        return ", ".join(sorted(set(self.streets) - {""}))[:80]
+
+    @property
     def degrees(self) -> LatLon | None:
         """Its latitude and longitude, where the file has degrees."""
         return None if self.origin is None else project_to_degrees(self.origin, np.array(self.xy))
+
+
+def describe_survey(
+    survey: Survey, *, id: str, nodes: frozenset[str] = frozenset(), refusal: str = ""
+) -> Junction | None:
+    """The junction that an import of a survey makes; None if it has fewer than three legs.
+
+    Args:
+        refusal: why it cannot be imported, "" if nothing is known yet.
+    """
+    legs = list_legs(survey)
+    if len(legs) < LEAST_LEGS:
+        return None
+    return Junction(
+        id=id,
+        xy=survey.offset,
+        streets=tuple(leg.road for leg in legs),
+        bearings=tuple(leg.bearing for leg in legs),
+        is_roundabout=survey.is_roundabout,
+        nodes=nodes,
+        origin=survey.file_origin,
+        refusal=refusal or explain_refusal(legs),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +162,7 @@ def find_streets(
 
 
 def _has_street(junction: Junction, name: str) -> bool:
-    own = [expand_name(street) for street in (*junction.streets, *junction.name.split(", "))]
+    own = map(expand_name, junction.streets)
     return any(name == each or f" {name} " in f" {each} " for each in own if each)
 
 
@@ -152,7 +183,7 @@ def _find_nearest(
 
 
 def _list(junctions: Sequence[Junction]) -> str:
-    ordered = sorted(junctions, key=lambda each: (-each.size, each.id))
+    ordered = sorted(junctions, key=lambda each: (-each.legs, each.id))
     shown = [
         f"{j.id} ({j.legs} legs{', ' + j.name if j.name else ''})" for j in ordered[:_MAX_LISTED]
     ]

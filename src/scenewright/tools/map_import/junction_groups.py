@@ -11,9 +11,19 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.geometry.geographic import LatLon
 from scenewright.geometry.polyline import find_point, measure_length
 from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.legs import group_arms, measure_bearing
+from scenewright.tools.map_import.junction_choice import Junction
+from scenewright.tools.map_import.legs import (
+    LEAST_LEGS,
+    OTHER_STREET,
+    WIDEST_MEDIAN,
+    Arm,
+    explain_count,
+    group_arms,
+    measure_bearing,
+)
 
 _SHORT = 15.0
 """Pieces of street so short lie inside a junction [m]."""
@@ -21,12 +31,12 @@ _SHORT_ONE_WAY = 25.0
 """The same of one-way pieces [m]."""
 _TRIANGLE = 45.0
 """Three pieces so short that lead round a triangle lie inside one junction [m]."""
-_CARRIAGEWAYS = 45.0
-"""Carriageways of one street lie closer than that where another street crosses them [m]."""
 _LONGEST_SLIP = 70.0
 """Slip lanes that are longer are streets of their own [m]."""
 _WIDEST_ISLAND = 35.0
 """A slip lane of no class of its own passes the junction's node so near [m]."""
+_FARTHEST = 130.0
+"""The nodes of one junction, a roundabout's aside, lie no farther apart to north or east [m]."""
 _OPPOSITE = math.radians(40.0)
 
 
@@ -54,38 +64,17 @@ class StreetPiece:
         return self.name if node == self.start else self.last_name or self.name
 
 
-@dataclass(frozen=True)
-class JunctionLeg:
-    """An arm of a junction: its street and its outward direction [rad, ccw from east]."""
-
-    street: str
-    bearing: float
-
-
-@dataclass(frozen=True)
-class JunctionGroup:
-    """One junction as drivers see it.
-
-    Attributes:
-        nodes: of the network; xy: its middle [m]; is_roundabout: whether it has a ring.
-    """
-
-    nodes: frozenset[str]
-    xy: tuple[float, float]
-    legs: tuple[JunctionLeg, ...]
-    is_roundabout: bool
-
-
 def group_junctions(
-    places: Mapping[str, FloatArray], pieces: Sequence[StreetPiece]
-) -> list[JunctionGroup]:
-    """Every junction of three or more legs.
+    places: Mapping[str, FloatArray], pieces: Sequence[StreetPiece], origin: LatLon | None = None
+) -> list[Junction]:
+    """Every junction of three or more legs as drivers see it; its id is the least of its nodes'.
 
     Joined to one are the nodes of a roundabout, of the carriageways of a divided street, of slip
-    lanes, and nodes that short pieces of street connect.
+    lanes, and nodes that short pieces of street connect, as far as one map can show them.
 
     Args:
         places: [2] by node [m].
+        origin: latitude and longitude of x = y = 0.
     """
     pieces = [each for each in pieces if measure_length(each.line) > 0.01]
     at: dict[str, list[StreetPiece]] = defaultdict(list)
@@ -96,22 +85,30 @@ def group_junctions(
     # Its functions have no types.
     joined: Any = import_module("scipy.cluster.hierarchy").DisjointSet(at)
     ring = {node for piece in pieces if piece.is_ring for node in (piece.start, piece.end)}
-    for piece in pieces:
+
+    def join(a: str, b: str) -> None:
+        spots = np.array([places[node] for node in {*joined.subset(a), *joined.subset(b)}])
+        if np.ptp(spots, axis=0).max() < _FARTHEST:
+            joined.merge(a, b)
+
+    for piece in sorted(pieces, key=lambda each: (not each.is_ring, measure_length(each.line))):
         ends = {piece.start, piece.end}
         # A slip lane of a roundabout leads to a street of its own unless it is very short.
         leaves_ring = piece.is_slip and len(ends & ring) == 1
         inside = ends <= branching and _lies_inside(piece, at, is_slip=not leaves_ring)
-        if piece.is_ring or inside:
+        if piece.is_ring:
             joined.merge(piece.start, piece.end)
+        elif inside:
+            join(piece.start, piece.end)
     for a, b in (*_find_sides(pieces, branching, joined), *_find_slips(pieces, places, at)):
-        joined.merge(a, b)
+        join(a, b)
     _add_dead_ends(at, places, joined)
     nodes = [own for own in joined.subsets() if len(own) > 1 or own <= branching]
     found = [
-        _build_group(own, places, at, is_roundabout=not own.isdisjoint(ring))
+        _build_junction(own, places, at, origin, is_roundabout=not own.isdisjoint(ring))
         for own in sorted(nodes, key=min)
     ]
-    return [group for group in found if len(group.legs) >= 3]
+    return [each for each in found if each.legs >= LEAST_LEGS]
 
 
 def _count_arms(pieces: Iterable[StreetPiece]) -> int:
@@ -128,7 +125,7 @@ def _add_dead_ends(
     """Adds to a junction the places beside it off which its own streets alone lead: no legs."""
     for node, own in sorted(at.items()):
         around = {piece.start if piece.end == node else piece.end for piece in own} - {node}
-        near = all(math.dist(places[node], places[each]) < _CARRIAGEWAYS for each in around)
+        near = all(math.dist(places[node], places[each]) < WIDEST_MEDIAN for each in around)
         if near and len(around) > 1 and len({joined[each] for each in around}) == 1:
             joined.merge(node, min(around))
 
@@ -176,7 +173,7 @@ def _lies_inside(
     if piece.is_slip and is_slip:
         return length < _LONGEST_SLIP
     short = _SHORT_ONE_WAY if piece.is_one_way else _SHORT
-    return length < short or (length < _CARRIAGEWAYS and _joins_carriageways(piece, at))
+    return length < short or _joins_carriageways(piece, at)
 
 
 def _find_sides(
@@ -202,18 +199,19 @@ def _joins_carriageways(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiec
     across = piece.line[-1] - piece.line[0]
     ways = [
         [
-            math.atan2(*(each.line[-1] - each.line[0])[::-1])
+            (math.atan2(*(each.line[-1] - each.line[0])[::-1]), each.name_at(node))
             for each in at[node]
             if each.is_one_way and each is not piece and not each.is_slip
         ]
         for node in (piece.start, piece.end)
     ]
-    course = math.atan2(across[1], across[0])
+    course, length = math.atan2(across[1], across[0]), measure_length(piece.line)
     return any(
-        abs(_turn(a, b + math.pi)) < _OPPOSITE
+        length < (WIDEST_MEDIAN if name == other else OTHER_STREET)
+        and abs(_turn(a, b + math.pi)) < _OPPOSITE
         and math.radians(45) < abs(_turn(a, course)) < math.radians(135)
-        for a in ways[0]
-        for b in ways[1]
+        for a, name in ways[0]
+        for b, other in ways[1]
     )
 
 
@@ -221,28 +219,36 @@ def _turn(a: float, b: float) -> float:
     return math.remainder(a - b, math.tau)
 
 
-def _build_group(
+def _build_junction(
     nodes: set[str],
     places: Mapping[str, FloatArray],
     at: Mapping[str, Sequence[StreetPiece]],
+    origin: LatLon | None,
     *,
     is_roundabout: bool,
-) -> JunctionGroup:
+) -> Junction:
     arms = []
     for node in sorted(nodes):
         for piece in at[node]:
             if piece.start not in nodes or piece.end not in nodes:
                 line = piece.line if piece.start == node else piece.line[::-1]
-                arms.append((line, piece.name_at(node)))
+                leads = "out" if piece.start == node else "in"
+                leads = leads if piece.is_one_way else "in out"
+                arms.append(Arm(line, piece.name_at(node), leads))
     middle = np.mean([places[node] for node in nodes], axis=0)
     found = []
-    for own in group_arms(arms) if arms else ():
-        ahead = sum(np.exp(1j * measure_bearing(arms[i][0])) for i in own)
-        name = min((arms[i][1] for i in own), key=lambda name: (not name, name))
-        found.append(JunctionLeg(name, float(np.angle(ahead))))
-    return JunctionGroup(
-        nodes=frozenset(nodes),
+    for own in group_arms(arms):
+        ahead = sum(np.exp(1j * measure_bearing(arms[i].line)) for i in own)
+        name = min((arms[i].street for i in own), key=lambda name: (not name, name))
+        found.append((float(np.angle(ahead)), name))
+    found.sort()
+    return Junction(
+        id=min(nodes, key=lambda node: (len(node), node)),
         xy=(float(middle[0]), float(middle[1])),
-        legs=tuple(sorted(found, key=lambda each: each.bearing)),
+        streets=tuple(street for _, street in found),
+        bearings=tuple(bearing for bearing, _ in found),
         is_roundabout=is_roundabout,
+        nodes=frozenset(nodes),
+        origin=origin,
+        refusal=explain_count(len(found)),
     )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations, groupby, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,17 +16,20 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.tools.map_import.compass import COMPASS_RING, compute_bearing, name_turn
 from scenewright.tools.map_import.survey import Survey, SurveyLane
 
-MOST_LEGS = len(COMPASS_RING)
+LEAST_LEGS, MOST_LEGS = 3, len(COMPASS_RING)
 _MOST_LANES = 16
 """Of one direction of a street; toll plazas aside, none has more."""
-_SAME_LEG = math.radians(24.0)
-"""Lanes whose outward directions differ by less belong to one leg."""
+_SAME_LEG, _WIDEST_LEG = math.radians(24.0), math.radians(36.0)
+"""Neighbouring lanes of one leg have directions that differ by less, its outermost ones, and lanes
+of one street, by less than the second."""
 _BEARING_RANGE = (4.0, 30.0)
 """Distances from the junction between which a lane's direction is measured [m]."""
 _NEAR_OUT, _FAR_OUT = 20.0, 40.0
 """Where lanes of one direction are compared, and where legs are put in order [m]."""
-_WIDEST_MEDIAN, _OTHER_STREET = 45.0, 22.0
+WIDEST_MEDIAN, OTHER_STREET = 45.0, 22.0
 """Lanes of one street lie closer side by side; those of different names closer still [m]."""
+_ISLAND = 8.0
+"""Between the middles of lanes, or of streets, that an island parts, at least [m]."""
 CLEARLY_STRAIGHT, CLEARLY_TURNED = math.radians(20.0), math.radians(50.0)
 
 
@@ -73,21 +77,37 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
     Raises:
         InputError: fewer than three, or more than there are compass names.
     """
+    if reason := explain_refusal(legs := list_legs(survey)):
+        raise InputError(f"{survey.title} cannot be imported: {reason}")
+    return legs
+
+
+def explain_count(count: int) -> str:
+    """Why no map can be made of a junction of so many legs; "" if one can."""
+    wrong = not LEAST_LEGS <= count <= MOST_LEGS
+    return f"it has {count} legs; an intersection has {LEAST_LEGS} to {MOST_LEGS}" * wrong
+
+
+def explain_refusal(legs: Sequence[SurveyLeg]) -> str:
+    """Why no map can be made of a junction of these legs; "" if one can."""
+    if reason := explain_count(len(legs)):
+        return reason
+    if (widest := max(len(leg.approaches) for leg in legs)) > _MOST_LANES:
+        return (
+            f"it has a leg of {widest} lanes in one direction; a street has at most {_MOST_LANES}, "
+            "is the tag lanes right?"
+        )
+    return ""
+
+
+def list_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
+    """The legs, counter-clockwise by bearing, however many."""
     lanes = [(lane, True) for lane in survey.approaches.values()]
     lanes += [(lane, False) for lane in survey.exits.values()]
-    arms = [(orient_outwards(*lane), lane[0].road) for lane in lanes]
+    arms = [Arm(orient_outwards(*x), x[0].road, "in" if x[1] else "out") for x in lanes]
     legs = [_build_leg([lanes[i] for i in own]) for own in group_arms(arms)]
-    if (widest := max((len(leg.approaches) for leg in legs), default=0)) > _MOST_LANES:
-        raise InputError(
-            f"{survey.title} has a leg of {widest} lanes in one direction; a street has at most "
-            f"{_MOST_LANES}, is the tag lanes right?"
-        )
-    if not 3 <= len(legs) <= MOST_LEGS:
-        raise InputError(
-            f"{survey.title} has {len(legs)} legs; an intersection has 3 to {MOST_LEGS}"
-        )
     legs.sort(key=_measure_place_angle)
-    first = min(range(len(legs)), key=lambda k: legs[k].bearing)
+    first = min(range(len(legs)), key=lambda k: legs[k].bearing, default=0)
     return (*legs[first:], *legs[:first])
 
 
@@ -100,25 +120,56 @@ def _measure_place_angle(leg: SurveyLeg) -> float:
     return math.atan2(y, x)
 
 
-def group_arms(arms: Sequence[tuple[FloatArray, str]]) -> Iterator[list[int]]:
-    """Which arms (line outwards [P, 2] [m], name of its street) are of one leg.
+class Arm(NamedTuple):
+    """A lane or a street at a junction.
 
-    Those of one direction; apart are those that lie too far aside to be of the same street.
+    Attributes:
+        line: [P, 2] outwards [m]; street: its name; leads: `in`, `out`, or `in out` for both.
     """
-    bearings = [measure_bearing(line) for line, _ in arms]
-    for group in _cluster_angles(bearings):
+
+    line: FloatArray
+    street: str
+    leads: str
+
+
+def group_arms(arms: Sequence[Arm]) -> Iterator[list[int]]:
+    """Which arms are of one leg.
+
+    Those of one direction; apart are those that lie too far aside to be of the same street, and
+    streets side by side that are both driven both ways.
+    """
+    bearings = [measure_bearing(arm.line) for arm in arms]
+    for group in _cluster_angles(bearings, [arm.street for arm in arms]) if arms else ():
         ahead = np.array([(math.cos(bearings[i]), math.sin(bearings[i])) for i in group])
         left = rotate_left(ahead.sum(axis=0) / np.hypot(*ahead.sum(axis=0)))
-        aside = {i: float(find_point(arms[i][0], _NEAR_OUT) @ left) for i in group}
+        aside = {i: float(find_point(arms[i].line, _NEAR_OUT) @ left) for i in group}
         order = sorted(group, key=lambda i: (aside[i], i))
         own = [order[0]]
         for before, after in pairwise(order):
-            same = arms[before][1] == arms[after][1] != ""
-            if aside[after] - aside[before] > (_WIDEST_MEDIAN if same else _OTHER_STREET):
-                yield own
+            same = arms[before].street == arms[after].street != ""
+            if aside[after] - aside[before] > (WIDEST_MEDIAN if same else OTHER_STREET):
+                yield from _part_streets(own, arms, aside)
                 own = []
             own.append(after)
+        yield from _part_streets(own, arms, aside)
+
+
+def _part_streets(
+    own: list[int], arms: Sequence[Arm], aside: Mapping[int, float]
+) -> Iterator[list[int]]:
+    """Arms beside one another, parted at the widest gap until each part may be one street.
+
+    Across one street the driving direction changes once.
+    """
+    leads = [lead for i in own for lead in arms[i].leads.split()]
+    runs = sum(1 for _ in groupby(leads))
+    gaps = [(aside[b] - aside[a], k) for k, (a, b) in enumerate(pairwise(own), start=1)]
+    widest, k = max(gaps, default=(0.0, 0))
+    if runs <= 2 or widest < _ISLAND:
         yield own
+    else:
+        yield from _part_streets(own[:k], arms, aside)
+        yield from _part_streets(own[k:], arms, aside)
 
 
 def measure_bearing(line: FloatArray) -> float:
@@ -129,7 +180,7 @@ def measure_bearing(line: FloatArray) -> float:
     return math.atan2(*(far - near)[::-1])
 
 
-def _cluster_angles(angles: Sequence[float]) -> list[list[int]]:
+def _cluster_angles(angles: Sequence[float], streets: Sequence[str]) -> list[list[int]]:
     """Groups of neighbouring angles, split where two neighbours are far apart."""
     order = sorted(range(len(angles)), key=lambda i: angles[i])
     following = [*order[1:], order[0]]
@@ -142,7 +193,8 @@ def _cluster_angles(angles: Sequence[float]) -> list[list[int]]:
     for k in range(first, first + len(order)):
         i, gap = order[k % len(order)], gaps[(k - 1) % len(order)]
         width = abs(math.remainder(angles[i] - angles[groups[-1][0]], math.tau)) if groups else 0.0
-        if groups and gap < _SAME_LEG and width < 1.5 * _SAME_LEG:
+        same = groups and streets[i] == streets[groups[-1][-1]] != ""
+        if groups and gap < (_WIDEST_LEG if same else _SAME_LEG) and width < _WIDEST_LEG:
             groups[-1].append(i)
         else:
             groups.append([i])

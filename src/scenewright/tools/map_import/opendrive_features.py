@@ -65,17 +65,6 @@ class OpenDriveFile:
         """How many roads say that traffic drives on the right (RHT) or on the left (LHT)."""
         return Counter(each.get("rule", "") for each in self.root.iter("road") if each.get("rule"))
 
-    @cached_property
-    def lights(self) -> Mapping[str, FloatArray]:
-        """[2] the place of every traffic light, by id [m]."""
-        found = {}
-        for road in self.roads:
-            for signal in road.element.iter("signal"):
-                if _is_light(signal):
-                    place = road.locate(_read(signal, "s"), _read(signal, "t"))
-                    found[signal.get("id", "")] = place
-        return found
-
 
 def read_opendrive_file(file: Path) -> OpenDriveFile:
     """The roads of a file that is known to be well-formed.
@@ -232,43 +221,3 @@ def _locate(
         at_end = begin.get("contactPoint") == "end"
         length = float(before.stations[-1])
         yield before.locate(max(length - 1.0, 0.0) if at_end else min(1.0, length), 0.0)
-
-
-def list_opendrive_lines(file: OpenDriveFile, middle: FloatArray) -> Mapping[str, list[FloatArray]]:
-    """Roads near a place, and all crossings and lights, by kind, for pictures [m]."""
-    near = [road for road in file.roads if np.abs(road.points - middle).max(axis=1).min() < _NEAR]
-    return {
-        "roads": [line for road in near for line in (road.points, *_list_lane_borders(road))],
-        "crossings": [each.line for each in list_opendrive_crossings(file, np.zeros(2))],
-        "lights": list(file.lights.values()),
-    }
-
-
-_NEAR = 200.0
-
-
-def _list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:
-    """[P, 2] the borders of a road's lanes [m]."""
-    sections = sorted(road.element.iter("laneSection"), key=lambda each: _read(each, "s"))
-    offsets = [*road.element.iter("laneOffset")]
-    ends = [*(_read(each, "s") for each in sections[1:]), float(road.stations[-1])]
-    for section, end in zip(sections, ends, strict=True):
-        start = _read(section, "s")
-        s = np.linspace(start, end, max(math.ceil((end - start) / 2.0), 1) + 1)
-        shift = _evaluate_records(offsets, s)
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            t = shift.copy()
-            lanes = section.iterfind(f"{side}/lane")
-            for lane in sorted(lanes, key=lambda each: abs(int(each.get("id", "0")))):
-                t = t + sign * _evaluate_records([*lane.iter("width")], s - start)
-                yield np.array([road.locate(*each) for each in zip(s, t, strict=True)])
-
-
-def _evaluate_records(records: Sequence[Any], s: FloatArray) -> FloatArray:
-    """The cubic records of a lane's width or a road's offset along it [m]."""
-    value = np.zeros_like(s)
-    for each in sorted(records, key=lambda e: _read(e, "s") + _read(e, "sOffset")):
-        start = _read(each, "s") + _read(each, "sOffset")
-        part, _ = _evaluate([_read(each, name) for name in "abcd"], s - start)
-        value = np.where(s >= start - 1e-6, part, value)
-    return np.asarray(value)

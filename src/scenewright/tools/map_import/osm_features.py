@@ -10,7 +10,7 @@ import numpy as np
 from scenewright.geometry.polyline import rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.map_parts import geos, list_points
-from scenewright.tools.map_import.osm_file import OsmFile, Tags
+from scenewright.tools.map_import.osm_file import OsmFile, Tags, is_one_way, read_number
 from scenewright.tools.map_import.survey import SurveyCrossing, SurveyLight
 
 _WALKED = ("footway", "path", "pedestrian", "cycleway", "steps", "bridleway")
@@ -135,14 +135,13 @@ def _build_crossing(
     limits: FloatArray | None,
 ) -> SurveyCrossing:
     # [m] the lanes that are tagged, else one for each direction; and a little beside them.
-    is_oneway = road.get("oneway") in ("yes", "1", "true", "-1")
-    is_oneway = is_oneway or road.get("junction") == "roundabout"
-    lanes = _read_number(road.get("lanes")) or (1.5 if is_oneway else 2.0)
+    is_oneway = is_one_way(road)
+    lanes = read_number(road.get("lanes")) or (1.5 if is_oneway else 2.0)
     half = (_LANE * max(lanes, 1.0) + (1.0 if is_oneway else 3.0)) / 2
     signals = known.get("crossing:signals") == "yes"
     return SurveyCrossing(
         place + np.outer([-half, half], across),
-        _read_number(known.get("width")) or _ASSUMED_WIDTH,
+        read_number(known.get("width")) or _ASSUMED_WIDTH,
         source=source,
         is_bounded=False,
         is_marked=known.get("crossing") not in _UNMARKED and known.get("crossing:markings") != "no",
@@ -150,10 +149,3 @@ def _build_crossing(
         is_signalised=_SIGNALISED.get("traffic_signals" if signals else known.get("crossing", "")),
         limits=limits,
     )
-
-
-def _read_number(text: str | None) -> float | None:
-    try:
-        return float((text or "").split()[0])
-    except (ValueError, IndexError):
-        return None

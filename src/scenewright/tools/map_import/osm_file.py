@@ -25,9 +25,13 @@ _DRIVEN = frozenset(
         *("living_street", "road"),
     )
 )
+RINGS = ("roundabout", "circular")
+"""Values of the tag `junction`, of ways round an island."""
 _ROADS = _DRIVEN | {"service", "busway"}
 _ACCESS = ("motorcar", "motor_vehicle", "vehicle", "access")
 """Tags that say who may drive along a way; the first one that a way has holds for cars."""
+_NARROWEST = 2.5
+"""Of a lane of a street that cars drive on [m]."""
 _CLOSED = ("no", "bus", "psv", "agricultural", "forestry")
 
 Tags = Mapping[str, str]
@@ -97,14 +101,24 @@ def iterate_elements(file: Path, *filters: Any) -> Iterator[Any]:
 
 
 def list_places(way: Any) -> list[tuple[str, float, float]]:
-    """Id, latitude and longitude of those nodes of a way whose place is known."""
+    """Id, latitude and longitude of those nodes of a way whose place is known.
+
+    Raises:
+        InputError: a node has an id below zero, which osmium has no room for.
+    """
+    if any(node.ref < 0 for node in way.nodes):
+        raise InputError(
+            f"way {way.id} has nodes with ids below zero, as editors give them until a file is "
+            "uploaded; give them new ones first (osmium renumber)"
+        )
     return [(str(n.ref), n.lat, n.lon) for n in way.nodes if n.location.valid()]
 
 
-def cut_out(file: Path, target: Path, *, middle: LatLon) -> None:
-    """The surroundings of a place as an OpenStreetMap file of XML, without streets closed to cars.
+def cut_out(file: Path, target: Path, *, middle: LatLon) -> bool:
+    """Writes the surroundings of a place as OpenStreetMap XML, without streets closed to cars.
 
-    Ways that reach into the square are kept whole, and restrictions of turns between them.
+    Ways that reach into the square are kept whole, and restrictions of turns between them. A street
+    whose tagged width leaves cars no room gets 2.5 m for each lane; whether there are such.
     """
     osmium = import_module("osmium")
     reach = np.degrees(AROUND / EARTH_RADIUS) / np.array([1.0, math.cos(math.radians(middle[0]))])
@@ -113,23 +127,47 @@ def cut_out(file: Path, target: Path, *, middle: LatLon) -> None:
     def is_near(lat: float, lon: float) -> bool:
         return bool(low[0] <= lat <= high[0] and low[1] <= lon <= high[1])
 
-    nodes, ways, relations = set[int](), set[int](), set[int]()
-    for each in iterate_elements(file, osmium.filter.EmptyTagFilter()):
-        if each.is_node() and each.location.valid() and is_near(each.lat, each.lon):
-            nodes.add(each.id)
-        elif each.is_way() and any(is_near(*place) for _, *place in list_places(each)):
-            tags = dict(each.tags)
-            if tags.get("highway") not in _DRIVEN or not _is_closed(tags):
-                ways.add(each.id)
-                nodes.update(node.ref for node in each.nodes)
-        elif each.is_relation() and "restriction" in each.tags:
-            own = {member.ref for member in each.members if member.type == "w"}
-            relations |= {each.id} if own & ways else set()
-    kinds = ((osmium.osm.NODE, nodes), (osmium.osm.WAY, ways), (osmium.osm.RELATION, relations))
-    kept = [osmium.filter.IdFilter(ids).enable_for(kind) for kind, ids in kinds]
-    with osmium.SimpleWriter(osmium.io.File(str(target), "osm"), overwrite=True) as writer:
-        for each in iterate_elements(file, *kept):
-            writer.add(each)
+    ways, is_widened = set[int](), False
+    out = osmium.io.File(str(target), "osm")
+    source = osmium.io.File(str(file), "pbf" if is_pbf(file) else "osm")
+    with osmium.BackReferenceWriter(out, ref_src=source, overwrite=True) as writer:
+        for each in iterate_elements(file, osmium.filter.EmptyTagFilter()):
+            if each.is_node() and each.location.valid() and is_near(each.lat, each.lon):
+                writer.add(each)
+            elif each.is_way() and any(is_near(*place) for _, *place in list_places(each)):
+                tags = dict(each.tags)
+                if tags.get("highway") not in _DRIVEN or not _is_closed(tags):
+                    ways.add(each.id)
+                    wide = _widen(tags)
+                    is_widened |= wide != tags
+                    writer.add(each.replace(tags=wide))
+            elif each.is_relation() and "restriction" in each.tags:
+                own = {member.ref for member in each.members if member.type == "w"}
+                if own & ways:
+                    writer.add(each)
+    return is_widened
+
+
+def _widen(tags: Tags) -> Tags:
+    """The tags of a way, its lanes no narrower than 2.5 m as netconvert divides its width."""
+    width, lanes = (read_number(tags.get(key)) for key in ("width", "lanes"))
+    least = _NARROWEST * max(lanes or 1.0, 1.0 if is_one_way(tags) else 2.0)
+    if tags.get("highway") not in _DRIVEN or width is None or width >= least:
+        return tags
+    return {**tags, "width": f"{least:g}"}
+
+
+def is_one_way(tags: Tags) -> bool:
+    """Whether vehicles drive one way along a way of these tags."""
+    return tags.get("junction") in RINGS or tags.get("oneway") in ("yes", "1", "true", "-1")
+
+
+def read_number(text: str | None) -> float | None:
+    """The number that a tag begins with, if there is one."""
+    try:
+        return float((text or "").split()[0])
+    except (ValueError, IndexError):
+        return None
 
 
 def read_osm_file(file: Path, origin: LatLon) -> OsmFile:

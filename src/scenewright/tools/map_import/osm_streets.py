@@ -12,19 +12,20 @@ from pathlib import Path
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.geometry.geographic import EARTH_RADIUS, LatLon
+from scenewright.geometry.geographic import EARTH_RADIUS
 from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview
-from scenewright.tools.map_import.junction_groups import (
-    JunctionGroup,
-    StreetPiece,
-    group_junctions,
+from scenewright.tools.map_import.junction_choice import JunctionOverview
+from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
+from scenewright.tools.map_import.osm_file import (
+    RINGS,
+    Tags,
+    is_driven,
+    is_one_way,
+    iterate_elements,
+    list_places,
 )
-from scenewright.tools.map_import.legs import MOST_LEGS
-from scenewright.tools.map_import.osm_file import Tags, is_driven, iterate_elements, list_places
 
 _SLIPS = frozenset(("trunk_link", "primary_link", "secondary_link", "tertiary_link"))
-_RINGS = ("roundabout", "circular")
 
 
 def _cut_ways(
@@ -36,16 +37,16 @@ def _cut_ways(
         count.update(nodes)
         count.update([*nodes[:1], *nodes[-1:]])
     for nodes, tags in ways:
-        ring, oneway = tags.get("junction") in _RINGS, tags.get("oneway")
+        ring = tags.get("junction") in RINGS
         cuts = [k for k, node in enumerate(nodes) if count[node] > 1]
         for a, b in pairwise(cuts):
-            own = nodes[a : b + 1][:: -1 if oneway == "-1" else 1]
+            own = nodes[a : b + 1][:: -1 if tags.get("oneway") == "-1" else 1]
             yield StreetPiece(
                 start=own[0],
                 end=own[-1],
                 line=np.array([places[node] for node in own]),
                 name=tags.get("name") or tags.get("ref") or "",
-                is_one_way=ring or oneway in ("yes", "1", "true", "-1"),
+                is_one_way=is_one_way(tags),
                 is_ring=ring,
                 is_slip=tags.get("highway") in _SLIPS,
             )
@@ -70,11 +71,11 @@ def survey_osm_junctions(file: Path) -> JunctionOverview:
             ways.append(([name for name, _, _ in known], tags))
     if not degrees:
         raise InputError(f"{file} has no streets for vehicles")
-    found = np.array(list(degrees.values()))
-    low, high = found.min(axis=0), found.max(axis=0)
+    spots = np.array(list(degrees.values()))
+    low, high = spots.min(axis=0), spots.max(axis=0)
     origin = float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2
     scale = np.array([math.cos(math.radians(origin[0])), 1.0]) * EARTH_RADIUS
-    xy = np.radians(found[:, ::-1] - np.array(origin[::-1])) * scale
+    xy = np.radians(spots[:, ::-1] - np.array(origin[::-1])) * scale
     places = dict(zip(degrees, xy, strict=True))
     cut = list(_cut_ways(ways, places))
     # The pieces, those joined that only meet one another at the end of ways.
@@ -94,11 +95,8 @@ def survey_osm_junctions(file: Path) -> JunctionOverview:
         pieces[own[0]], pieces[own[1]] = joined, None
         for other in (joined.start, joined.end):
             at[other] = [own[0] if k == own[1] else k for k in at[other]]
-    groups = group_junctions(places, [each for each in pieces if each is not None])
-    return JunctionOverview(
-        tuple(describe_group(group, origin) for group in groups),
-        tuple(piece.line for piece in cut),
-    )
+    found = group_junctions(places, [each for each in pieces if each is not None], origin)
+    return JunctionOverview(tuple(found), tuple(piece.line for piece in cut))
 
 
 def _join_pieces(a: StreetPiece, b: StreetPiece, node: str) -> StreetPiece | None:
@@ -122,21 +120,3 @@ def _turn_round(piece: StreetPiece) -> StreetPiece:
         piece.end, piece.start, piece.line[::-1], piece.name_at(piece.end), piece.is_one_way,
         piece.is_ring, piece.is_slip, piece.name,
     )  # fmt: skip
-
-
-def describe_group(group: JunctionGroup, origin: LatLon | None) -> Junction:
-    """A group of nodes as a junction to choose; refused where it has too many legs."""
-    count = len(group.legs)
-    return Junction(
-        id=min(group.nodes, key=lambda node: (len(node), node)),
-        xy=group.xy,
-        legs=count,
-        name=", ".join(sorted({leg.street for leg in group.legs} - {""}))[:80],
-        size=count,
-        streets=tuple(leg.street for leg in group.legs),
-        bearings=tuple(leg.bearing for leg in group.legs),
-        is_roundabout=group.is_roundabout,
-        nodes=group.nodes,
-        origin=origin,
-        refusal=f"it has {count} legs, more than {MOST_LEGS}" if count > MOST_LEGS else "",
-    )

@@ -43,15 +43,13 @@ from scenewright.tools.map_import.junction_choice import (
     JunctionOverview,
     check_importable,
     choose_junction,
+    describe_survey,
 )
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
-from scenewright.tools.map_import.legs import SurveyLeg, find_legs
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
-    ASSUMED_SIDE,
     NARROWEST,
-    DrivingSide,
     Survey,
     SurveyConnection,
     SurveyCrossing,
@@ -66,7 +64,7 @@ _TOUCHING = 0.6
 _OVERLAP = 2.5
 """Lanelets that share more ground cross or merge [m^2]."""
 _DEFAULT_SPEED = 50.0
-_MOST_LANELETS = 12
+_MOST_LANELETS, _LEAST_WAYS = 12, 3
 _LONGEST_LANELET = 20_000.0
 """A longer one has a place that is wrong [m]."""
 _SHORTEST_LANE = 2.0
@@ -82,9 +80,9 @@ _SHARPEST = 35.0
 """Radius of a curve that belongs to a turn, not to a leg [m]."""
 _BEND_REACH = 100
 """Bends farther from the shared ground belong to another junction [half metres]."""
-_BEND_GAP = 40
+_BEND_GAP = 20
 """A bend behind so much straight street is none of the junction's [half metres]."""
-_GRAFT_TURN = math.radians(40.0)
+_SAME_COURSE = math.radians(40.0)
 _LONGEST_APPROACH = 120.0
 _LIGHTS = ("traffic_light", "traffic_light_regulatory_element")
 _FOR_PEDESTRIANS = ("crosswalk", "walkway")
@@ -159,8 +157,8 @@ class _Path:
 
     @classmethod
     def join(cls, held: LaneletFile, names: Sequence[str]) -> _Path:
-        line = np.concatenate([held.lanelets[name].middle for name in names])
-        line = resample_by_spacing(_graft(line, names, held), 0.5)
+        middles = np.concatenate([held.lanelets[name].middle for name in names])
+        line = resample_by_spacing(middles, 0.5)
         last = np.array([held.lanelets[name].middle[-1] for name in names])
         return cls(tuple(names), line, 0.5 * measure_distances(last, line).argmin(axis=1))
 
@@ -214,16 +212,29 @@ class LaneletFile:
 
     @cached_property
     def follows(self) -> Mapping[str, list[str]]:
-        """Which lanelets begin where one ends, both bounds within reach."""
+        """Which lanelets begin where one ends, both bounds within reach.
+
+        Where nothing else follows, or leads there, one bound and the direction will do: the lane
+        becomes wider there, or narrower.
+        """
         names = sorted(self.lanelets)
-        starts = np.array([[self.lanelets[n].left[0], self.lanelets[n].right[0]] for n in names])
-        ends = np.array([[self.lanelets[n].left[-1], self.lanelets[n].right[-1]] for n in names])
-        left = geos.STRtree(geos.points(starts[:, 0])), geos.points(ends[:, 0])
+        lanes = [self.lanelets[name] for name in names]
+        met: list[set[tuple[int, int]]] = []
+        for side in ("left", "right"):
+            starts, ends = (geos.points([getattr(x, side)[k] for x in lanes]) for k in (0, -1))
+            i, j = geos.STRtree(starts).query(ends, "dwithin", _TOUCHING).tolist()
+            met.append({(a, b) for a, b in zip(i, j, strict=True) if a != b})
+        both = met[0] & met[1]
+        ended, begun = {a for a, _ in both}, {b for _, b in both}
+        for a, b in sorted(met[0] ^ met[1]):
+            before, after = lanes[a].middle, lanes[b].middle
+            turn = measure_turn(before[-1] - before[-2], after[1] - after[0])
+            if (a not in ended or b not in begun) and abs(turn) < _SAME_COURSE:
+                both.add((a, b))
         found: dict[str, list[str]] = {name: [] for name in names}
-        for i, j in zip(*left[0].query(left[1], "dwithin", _TOUCHING).tolist(), strict=True):
-            if i != j and math.dist(ends[i, 1], starts[j, 1]) < _TOUCHING:
-                found[names[i]].append(names[j])
-        return {name: sorted(following) for name, following in found.items()}
+        for a, b in sorted(both):
+            found[names[a]].append(names[b])
+        return found
 
     @cached_property
     def leads_to(self) -> Mapping[str, list[str]]:
@@ -278,7 +289,6 @@ def survey_lanelets(
     Raises:
         InputError: nothing that joins lanelets, or several junctions and none chosen.
     """
-    notes = [*held.notes]
     if not held.lanelets:
         raise InputError(f"{held.file} has no lanelets for vehicles there")
     lines = [each.middle for each in held.lanelets.values()]
@@ -293,15 +303,19 @@ def survey_lanelets(
         streets=streets,
     )
     check_importable(chosen, held.file)
-    ground = next(grounds for each, grounds in found if each is chosen)
-    survey = _survey_junction(held, ground, notes, side)
+    survey = next(survey for each, survey in found if each is chosen)
     drawn = {
         "roads": [bound for x in held.lanelets.values() for bound in (x.left, x.right)],
         "paths": [bound for x in held.foot for bound in (x.left, x.right)],
         "crossings": [each.line for each in held.crossings],
         "lights": held.lights,
     }
-    return replace(survey, drawn=keep_near(drawn, np.array(survey.offset)))
+    return replace(
+        survey,
+        side=side,
+        notes=[*held.notes, *survey.notes],
+        drawn=keep_near(drawn, np.array(survey.offset)),
+    )
 
 
 _APART = 9.0
@@ -333,44 +347,20 @@ def _list_grounds(held: LaneletFile) -> Iterator[_Grounds]:
         yield _Grounds(own[k], geos.union_all([own[j] for j in near if j != k]), ring)
 
 
-def _find_places(held: LaneletFile) -> list[tuple[Junction, _Grounds]]:
-    """Junctions with the ground that lanelets share there; those of three or more legs."""
-    grounds = list(_list_grounds(held))
-    found: list[tuple[Junction, _Grounds]] = []
-    for each in grounds:
-        if (junction := _describe_place(held, each, {own.id for own, _ in found})) is not None:
-            found.append((junction, each))
-    return found
-
-
-def _describe_place(held: LaneletFile, grounds: _Grounds, taken: set[str]) -> Junction | None:
-    """The junction of a ground, by an id that no other has; None if it has too few legs."""
-    legs: tuple[SurveyLeg, ...] = ()
-    refusal = "" if grounds.ring is None else grounds.ring.refusal
-    if not refusal:
-        try:
-            survey = _survey_junction(held, grounds, [], ASSUMED_SIDE)
-            legs = find_legs(survey)
-        except InputError as fault:
-            refusal = str(fault)
-        else:
-            refusal = "" if len(survey.connections) >= 3 else "it has fewer than three ways"
-    touched = held.list_near(grounds.shared)
-    if not touched or (refusal and grounds.ring is None):
-        return None
-    x, y = grounds.shared.envelope.centroid.coords[0]
-    return Junction(
-        id=min(touched, key=lambda name: (name in taken, len(name), name)),
-        xy=(float(x), float(y)),
-        legs=len(legs),
-        name=", ".join(sorted({leg.road for leg in legs} - {""}))[:80],
-        size=len(legs),
-        streets=tuple(leg.road for leg in legs),
-        bearings=tuple(leg.bearing for leg in legs),
-        origin=held.origin,
-        is_roundabout=grounds.ring is not None,
-        refusal=refusal and f"{refusal}; {OTHER_SOURCE}",
-    )
+def _find_places(held: LaneletFile) -> list[tuple[Junction, Survey]]:
+    """Places of three or more legs and ways, each by an id that no other has."""
+    found: dict[str, tuple[Junction, Survey]] = {}
+    for grounds in _list_grounds(held):
+        touched = held.list_near(grounds.shared)
+        survey = _survey_junction(held, grounds)
+        if not touched or len(survey.connections) < _LEAST_WAYS:
+            continue
+        name = min(touched, key=lambda name: (name in found, len(name), name))
+        refusal = "" if grounds.ring is None else grounds.ring.refusal
+        each = describe_survey(survey, id=name, refusal=refusal and f"{refusal}; {OTHER_SOURCE}")
+        if each is not None:
+            found[name] = each, survey
+    return list(found.values())
 
 
 def _list_lights(
@@ -538,21 +528,16 @@ def _orient_bounds(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
     return (left, right) if leftness > 0 else (left[::-1], right[::-1])
 
 
-def _survey_junction(
-    held: LaneletFile, grounds: _Grounds, notes: list[str], side: DrivingSide
-) -> Survey:
+def _survey_junction(held: LaneletFile, grounds: _Grounds) -> Survey:
     """The junction of the lanelets that share some ground."""
     lanelets, shared = held.lanelets, grounds.shared
+    notes: list[str] = []
     is_roundabout = grounds.ring is not None
     inside = set(held.list_near(shared.convex_hull.buffer(-0.3)))
     paths = [_Path.join(held, names) for names in _list_paths(held, inside, is_roundabout)]
     used = sorted({name for path in paths for name in path.names})
     shortest = _SHORTEST_LANE if grounds.others.is_empty else _SHORTEST_LEG
     approaches, exits, found, cut_off = _split_paths(paths, grounds, shortest)
-    if not found:
-        raise InputError(
-            f"{held.file} has no way for vehicles from outside through a junction to outside"
-        )
     middle = np.round(np.array(shared.envelope.centroid.coords[0]), 3)
     if walks := sum(each.tags.get("subtype") != "crosswalk" for each in held.foot):
         notes.append(
@@ -578,7 +563,6 @@ def _survey_junction(
         ),
         crossings=tuple(each.move(-middle) for each in held.crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
-        side=side,
         origin=None if held.origin is None else project_to_degrees(held.origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         file_origin=held.origin,
@@ -673,8 +657,6 @@ _AHEAD = 30
 """Lanelets part within so far, in points about half a metre apart."""
 _ENDS = 6
 """So many points at either end of a path have no curvature of their own."""
-_LEAST_POINTS = 4
-"""A path of fewer points has no direction to go on in."""
 
 
 def _measure_curvature(line: FloatArray) -> FloatArray:
@@ -686,45 +668,6 @@ def _measure_curvature(line: FloatArray) -> FloatArray:
     bend = np.abs(np.gradient(course)) / np.maximum(np.hypot(*step.T), 1e-6)
     bend[:_ENDS] = bend[-_ENDS:] = 0.0
     return np.asarray(bend)
-
-
-def _graft(line: FloatArray, names: Sequence[str], held: LaneletFile) -> FloatArray:
-    """A path that ends upon another lanelet goes on along it, and begins along one likewise."""
-    if len(line) < _LEAST_POINTS:
-        return line
-    after = before = None
-    if not held.follows[names[-1]]:
-        after = _find_beneath(line[-1], line[-1] - line[-4], names, held)
-    if not held.leads_to[names[0]]:
-        before = _find_beneath(line[0], line[3] - line[0], names, held)
-    if after is not None:
-        line = np.concatenate([line, after[1][after[0] + 8 :]])
-    if before is not None:
-        line = np.concatenate([before[1][: max(before[0] - 8, 0)], line])
-    return line
-
-
-def _find_beneath(
-    point: FloatArray, direction: FloatArray, names: Sequence[str], held: LaneletFile
-) -> tuple[int, FloatArray] | None:
-    """The nearest other lanelet along its way beneath a point: where along it, its middle."""
-    best: tuple[float, int, FloatArray] | None = None
-    for name in held.list_near(geos.Point(point), _WIDEST / 2):
-        lanelet = held.lanelets[name]
-        if name in names:
-            continue
-        apart = np.hypot(*(lanelet.middle - point).T)
-        k = int(np.argmin(apart))
-        if apart[k] > lanelet.width / 2 or not 4 <= k < len(lanelet.middle) - 4:
-            continue
-        turn = abs(measure_turn(direction, lanelet.middle[k + 2] - lanelet.middle[k - 2]))
-        if turn < _GRAFT_TURN and (best is None or apart[k] < best[0]):
-            best = (float(apart[k]), k, lanelet.middle)
-    return None if best is None else best[1:]
-
-
-_WIDEST = 12.0
-"""Of a lanelet that a path ends upon [m]."""
 
 
 def _find_shared_ground(held: LaneletFile) -> Any:

@@ -18,7 +18,7 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import LatLon, unproject_ellipsoid
-from scenewright.geometry.polyline import measure_length, measure_turn
+from scenewright.geometry.polyline import drop_doubled_points, measure_length, measure_turn
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat, require_sumo
 from scenewright.tools.map_import.driving_side import (
@@ -32,17 +32,13 @@ from scenewright.tools.map_import.junction_choice import (
     JunctionOverview,
     check_importable,
     choose_junction,
+    describe_survey,
 )
-from scenewright.tools.map_import.junction_groups import (
-    JunctionGroup,
-    StreetPiece,
-    group_junctions,
-)
+from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
     list_opendrive_lights,
-    list_opendrive_lines,
     read_opendrive_file,
 )
 from scenewright.tools.map_import.osm_features import (
@@ -52,9 +48,10 @@ from scenewright.tools.map_import.osm_features import (
     list_osm_lines,
 )
 from scenewright.tools.map_import.osm_file import cut_out, read_osm_file
-from scenewright.tools.map_import.osm_streets import describe_group, survey_osm_junctions
+from scenewright.tools.map_import.osm_streets import survey_osm_junctions
 from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
+    ASSUMED_SIDE,
     NARROWEST,
     DrivingSide,
     Survey,
@@ -109,20 +106,23 @@ def read_sumo(
         network = _convert(file, scratch, origin=None, left_hand=side.left_hand)
     net = _read_network(network, file)
     rings = [] if drive is None else _find_network_rings(net)
-    groups = group_network(net, rings)
-    described = [_describe_junction(group, net, rings) for group in groups]
-    chosen = choose_junction(described, file=file, origin=None, **wanted)
+    found = list(_list_junctions(net, rings, file))
+    chosen = choose_junction(found, file=file, origin=None, **wanted)
     check_importable(chosen, file)
-    group = next(each for each in groups if each.nodes == chosen.nodes)
-    survey = _survey_junction(net, group, None, side or _find_side(network), file)
+    survey = _survey_junction(net, chosen, None, side or _find_side(network), file)
     middle = np.array(survey.offset)
     if drive is None:
         return replace(survey, drawn=keep_near(_list_shapes(net), middle))
     crossings = list_opendrive_crossings(drive, middle)
+    lights = list_opendrive_lights(drive, middle)
+    shapes = {
+        **_list_shapes(net),
+        "crossings": [each.line + middle for each in crossings],
+        "lights": [each.place + middle for each in lights],
+    }
     return replace(
-        survey, crossings=(*survey.crossings, *crossings), phases=(),
-        lights=tuple(list_opendrive_lights(drive, middle)),
-        drawn=keep_near(list_opendrive_lines(drive, middle), middle),
+        survey, crossings=(*survey.crossings, *crossings), phases=(), lights=tuple(lights),
+        drawn=keep_near(shapes, middle),
     )  # fmt: skip
 
 
@@ -131,7 +131,7 @@ def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | N
     origin = chosen.degrees
     assert origin is not None  # noqa: S101 - junctions of OpenStreetMap lie somewhere
     part = scratch / "surroundings.osm"
-    cut_out(file, part, middle=origin)
+    is_widened = cut_out(file, part, middle=origin)
     osm = read_osm_file(part, origin)
     side = side or find_osm_side(osm, origin)
     net = _read_network(_convert(part, scratch, origin=origin, left_hand=side.left_hand), file)
@@ -144,12 +144,14 @@ def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | N
     nodes |= _list_between(net, nodes)
     places = [net.getNode(name).getCoord()[:2] for name in sorted(nodes)]
     x, y = np.mean(places, axis=0).tolist()
-    group = JunctionGroup(frozenset(nodes), (x, y), (), chosen.is_roundabout)
+    group = replace(chosen, nodes=frozenset(nodes), xy=(x, y))
     survey = _survey_junction(net, group, origin, side, file)
     survey.notes.append(
         "lane widths, turning lanes and signal times that the file does not tag are netconvert's "
         "guesses"
     )
+    if is_widened:
+        survey.notes.append("streets near by that are tagged too narrow got 2.5 m for each lane")
     middle = np.array(survey.offset)
     return replace(
         survey, crossings=tuple(list_osm_crossings(osm, middle)), phases=(),
@@ -187,7 +189,7 @@ def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> Juncti
     net = _read_network(network, file)
     rings = _find_network_rings(net) if is_converted else []
     return JunctionOverview(
-        tuple(_describe_junction(each, net, rings) for each in group_network(net, rings)),
+        tuple(_list_junctions(net, rings, file)),
         tuple(_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e)),
     )
 
@@ -212,23 +214,8 @@ def _list_ring_edges(net: Any, ring: Ring) -> set[str]:
     return {net.getLane(name).getEdge().getID() for name in ring.lanes if ">" not in name}
 
 
-def _describe_junction(group: JunctionGroup, net: Any, rings: Sequence[Ring]) -> Junction:
-    """A group of nodes as a junction to choose; refused where its ring cannot be represented."""
-    refusals = [
-        ring.refusal
-        for ring in rings
-        if ring.refusal
-        and any(
-            net.getEdge(name).getToNode().getID() in group.nodes
-            for name in _list_ring_edges(net, ring)
-        )
-    ]
-    found = describe_group(group, None)
-    return replace(found, refusal=f"{refusals[0]}; {OTHER_SOURCE}") if refusals else found
-
-
-def group_network(net: Any, found: Sequence[Ring] = ()) -> list[JunctionGroup]:
-    """The junctions of a network as drivers see them.
+def _list_junctions(net: Any, found: Sequence[Ring], file: Path) -> Iterator[Junction]:
+    """The junctions of a network as drivers see them, with the legs that an import gives them.
 
     Args:
         found: roundabouts that the network does not name.
@@ -248,8 +235,19 @@ def group_network(net: Any, found: Sequence[Ring] = ()) -> list[JunctionGroup]:
         seen.add((start, end))
         name, kind = _read_street(edge), str(edge.getType() or "")
         is_ring, is_slip = edge.getID() in rings, kind.endswith("_link")
-        pieces.append(StreetPiece(start, end, _get_shape(edge), name, not both, is_ring, is_slip))
-    return group_junctions(places, pieces)
+        pieces.append(StreetPiece(start, end, _get_middle(edge), name, not both, is_ring, is_slip))
+    refused = {
+        net.getEdge(name).getToNode().getID(): f"{ring.refusal}; {OTHER_SOURCE}"
+        for ring in found
+        if ring.refusal
+        for name in _list_ring_edges(net, ring)
+    }
+    for group in group_junctions(places, pieces):
+        survey = _survey_junction(net, group, None, ASSUMED_SIDE, file)
+        refusal = next((refused[node] for node in sorted(group.nodes) if node in refused), "")
+        each = describe_survey(survey, id=group.id, nodes=group.nodes, refusal=refusal)
+        if each is not None:
+            yield each
 
 
 def _convert(file: Path, scratch: Path, *, origin: LatLon | None, left_hand: bool) -> Path:
@@ -308,13 +306,20 @@ def _is_for_cars(lane: Any) -> bool:
     return bool(lane.allows("passenger")) and not 0.0 < float(lane.getWidth()) < NARROWEST
 
 
+def _get_middle(edge: Any) -> FloatArray:
+    """[P, 2] the line of an edge from the middle of one node to that of the next [m]."""
+    ends = (node.getCoord()[:2] for node in (edge.getFromNode(), edge.getToNode()))
+    start, end = (np.array([xy], dtype=float) for xy in ends)
+    return drop_doubled_points(np.concatenate([start, _get_shape(edge), end]))
+
+
 def _get_shape(part: Any) -> FloatArray:
     """[P, 2] the line of an edge or a lane [m]."""
     return np.asarray(np.array(part.getShape())[:, :2])
 
 
 def _survey_junction(
-    net: Any, group: JunctionGroup, origin: LatLon | None, side: DrivingSide, file: Path
+    net: Any, group: Junction, origin: LatLon | None, side: DrivingSide, file: Path
 ) -> Survey:
     try:
         return _survey_nodes(net, group, origin, side)
@@ -322,9 +327,7 @@ def _survey_junction(
         raise InputError(f"{file} names a part that it lacks: {str(fault)[:80]}") from None
 
 
-def _survey_nodes(
-    net: Any, group: JunctionGroup, origin: LatLon | None, side: DrivingSide
-) -> Survey:
+def _survey_nodes(net: Any, group: Junction, origin: LatLon | None, side: DrivingSide) -> Survey:
     nodes = [net.getNode(name) for name in sorted(group.nodes)]
     outlines = [_get_shape(node) for node in nodes if node.getShape()]
     outlines = [outline for outline in outlines if len(outline) > 2]
@@ -396,12 +399,12 @@ def _survey_nodes(
     )
 
 
-def _choose_title(names: Sequence[str], group: JunctionGroup) -> str:
+def _choose_title(names: Sequence[str], group: Junction) -> str:
     """The streets' names; the junction's id where they are only numbers or too many to read."""
     spoken = [name for name in names if re.sub(r"(?i)road|street|[\W\d_]", "", name)]
     if not spoken or len(spoken) > _MOST_NAMES:
-        node = min(group.nodes, key=lambda name: (len(name), name))
-        return f"junction {node}" if len(node) <= _LONGEST_ID else "junction without street names"
+        short = len(group.id) <= _LONGEST_ID
+        return f"junction {group.id}" if short else "junction without street names"
     return ", ".join(spoken)[:80]
 
 
@@ -410,7 +413,7 @@ _LONGEST_ID = 24
 """netconvert names a joined junction after all its nodes."""
 
 
-def _describe_parts(group: JunctionGroup) -> Iterator[str]:
+def _describe_parts(group: Junction) -> Iterator[str]:
     if group.is_roundabout:
         yield ROUNDABOUT
     elif len(group.nodes) > 1:
@@ -418,7 +421,7 @@ def _describe_parts(group: JunctionGroup) -> Iterator[str]:
 
 
 def _find_middle(
-    group: JunctionGroup, nodes: Sequence[Any], outlines: Sequence[FloatArray]
+    group: Junction, nodes: Sequence[Any], outlines: Sequence[FloatArray]
 ) -> FloatArray:
     if len(nodes) == 1 and outlines:
         return np.asarray(outlines[0].mean(axis=0))
@@ -432,7 +435,7 @@ def _is_street(edge: Any) -> bool:
 
 
 def _trace_connections(
-    net: Any, approach: str, exits: Mapping[str, Any], group: JunctionGroup, middle: FloatArray
+    net: Any, approach: str, exits: Mapping[str, Any], group: Junction, middle: FloatArray
 ) -> Iterator[SurveyConnection]:
     """The shortest way from an approach over lanes inside the junction to every exit lane."""
     start = net.getLane(approach)
