@@ -1,0 +1,342 @@
+"""Conflicts by sampling: two that would touch on present courses, and react (SEMANTICS 8).
+
+How either responds is drawn, and an offset of their entry times at which they would touch. From
+when the conflict is perceptible each responds a reaction time later; the offset is then moved to
+where the two, responding, still touch, or miss one another by the PET asked for. As they perceive
+one another at another moment there, both respond anew, until the offset fits. Who asked for the
+conflict judges what has come of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import Protocol
+
+import numpy as np
+
+from scenewright.scene.constraints import Contact, TimeGap
+from scenewright.scene.kinds import get_kind, has_trait
+from scenewright.scene.reaction_behavior import ASIDE, REACTION_TIME, Reaction
+from scenewright.scene.track import STEP
+from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.evasions import step_back, swerve_away
+from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.path_conflict import Intervals
+from scenewright.tools.solver.reactions import (
+    SLOWS_FOR,
+    find_place,
+    find_speed,
+    find_threat,
+    find_usual_braking,
+    run_on,
+    sees,
+    slow_down,
+)
+from scenewright.tools.solver.schedule import PartialSchedule, get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.work_limit import count_work
+
+_STEPS = 4
+"""Offsets that are tried with one draw of responses."""
+
+_WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
+"""Braking below this [m/s^2] is hardly a reaction."""
+
+_LEAST_SPEED = {"vehicle": 0.5, "cyclist": 0.5, "scooter": 0.5, "pedestrian": 0.1}
+"""Speed that it brakes down to at most [m/s]."""
+
+_SEEN = {"vehicle": 0.7, "cyclist": 0.6, "scooter": 0.6, "pedestrian": 0.3}
+"""By how much a reaction must change the speed at least [m/s],"""
+
+_HARDER = 0.95
+"""and by how much who brakes anyway must brake harder [m/s^2], to be seen to react."""
+
+_TOO_LATE = 0.4
+"""A reaction that would begin later than this before the contact [s] does not count."""
+
+_SHIFT = 2.5
+"""How much later than without reactions a contact may come [s]."""
+
+_YIELDS, _HARSH, _NARROW = 0.58, 5.3, 0.44
+"""Who keeps less than that share of its speed would have given way, but for braking harder than
+this [m/s^2], or a PET shorter than this [s] (SEMANTICS 4)."""
+
+_INTO, _DEEP = (0.05, 0.5), (0.7, 2.2)
+"""How far in the other's way a pedestrian turns round that is missed, and one that is hit [m]."""
+_CLEAR = 0.2
+"""How far out of its way it is afterwards at least, if it is missed [m]."""
+_RESTS = (0.4, 0.9)
+"""How long it stands after that [s]."""
+
+Pair = tuple[ScheduledAgent, ScheduledAgent]
+
+
+@dataclass(frozen=True)
+class Response:
+    """How one of the two responds.
+
+    Attributes:
+        keeps: share of its speed that it keeps where it slows.
+        kept: how far it stays slow [m]; None: until the other's path begins.
+    """
+
+    how: Reaction
+    keeps: float
+    kept: float | None = None
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether it counts as giving way if it passes second with time to spare."""
+        slows = not (self.how.hurries or has_trait("reaction", self.how.kind, "back"))
+        return slows and self.keeps < _YIELDS and self.how.strength < _HARSH
+
+
+@dataclass(frozen=True)
+class Draw:
+    """An offset o_b - o_a [s] at which the two would touch, and the ways in which they may respond.
+
+    Attributes:
+        ways: of either, the first that fits is taken; none: it does not respond.
+        within: longest time from the later response to their contact [s].
+    """
+
+    delta: float
+    ways: tuple[tuple[Response, ...], tuple[Response, ...]]
+    within: float = np.inf
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Two that respond to one another.
+
+    Attributes:
+        pair: as they respond; unaware: as they would move on, and touch.
+        threat: from when to when the conflict of the unaware two is perceptible [s], if it is.
+        latest: until when they must touch [s], if that is asked for.
+    """
+
+    pair: Pair
+    unaware: FirstContact
+    threat: tuple[float, float] | None
+    latest: float
+
+
+Judge = Callable[[Conflict], PartialSchedule | None]
+
+
+class Prepare(Protocol):
+    """Changes two as placed, which touch as found; None if that does not fit."""
+
+    def __call__(self, pair: Pair, found: FirstContact, *, first: bool) -> Pair | None:
+        """Return the two as changed; `first`: at the offset drawn, not at one solved for."""
+
+
+def sample_conflicts(
+    clause: Contact | TimeGap,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    pair: Pair,
+    draws: Iterable[Draw],
+    judge: Judge,
+    prepare: Prepare | None = None,
+) -> Iterator[PartialSchedule]:
+    """List schedules (lazily) with conflicts of the two as `judge` wants them, one a draw at most.
+
+    Args:
+        clause: that the two touch, or the PET at which they miss one another.
+        prepare: changes the two as placed before they respond; None if that does not fit.
+    """
+    sampler = _Sampler(clause, schedule, context, pair, judge, prepare)
+    for draw in draws:
+        found = sampler.settle(draw)
+        if found is not None:
+            yield found
+
+
+class _Sampler:
+    """Samples conflicts of two agents."""
+
+    def __init__(
+        self,
+        clause: Contact | TimeGap,
+        schedule: PartialSchedule,
+        context: SolverContext,
+        pair: Pair,
+        judge: Judge,
+        prepare: Prepare | None,
+    ) -> None:
+        self._clause, self._schedule, self._context = clause, schedule, context
+        self._pair, self._judge, self._names = pair, judge, get_pair(clause)
+        self._prepare = prepare
+        self._meetings = context.find_meeting_intervals(clause, *pair)
+        self._conflict = context.find_path_conflict(clause)
+        self._taken = set[float]()
+
+    def settle(self, draw: Draw) -> PartialSchedule | None:
+        """Find an offset at which the two respond as drawn and `judge` takes what comes of it."""
+        delta: float | None = draw.delta
+        for n in range(_STEPS):
+            a, b = self._schedule.place(self._clause, *self._pair, delta or 0.0)
+            delta = round(b.enters - a.enters, 1)
+            unaware = find_first_contact(a, b, left_hand=self._context.left_hand)
+            if unaware is None or delta in self._taken:
+                return None
+            if self._prepare is not None:
+                prepared = self._prepare((a, b), unaware, first=n == 0)
+                if prepared is None:
+                    return None
+                if prepared != (a, b):
+                    a, b = prepared
+                    unaware = find_first_contact(a, b, left_hand=self._context.left_hand)
+            if unaware is None:
+                return None
+            count_work()
+            found, delta = self._respond(draw, (a, b), unaware)
+            if found is not None:
+                self._taken.add(round(b.enters - a.enters, 1))
+                return found
+            if delta is None:
+                return None
+        return None
+
+    def _respond(
+        self, draw: Draw, pair: Pair, unaware: FirstContact
+    ) -> tuple[PartialSchedule | None, float | None]:
+        """Make the two respond: the schedule that fits; else an offset at which they might."""
+        lead = self._context.reactions.hidden.get(frozenset(self._names))
+        until = unaware.time
+        threat = find_threat(self._conflict, *pair, until=until, lead=lead)
+        own = [self._list_ways(k, draw.ways[k], pair, threat, until) for k in (0, 1)]
+        delta, other = pair[1].enters - pair[0].enters, None
+        for one, two in sorted(product(*map(range, map(len, own))), key=sum):
+            (a, how_a), (b, how_b) = own[0][one], own[1][two]
+            after = self._context.find_evaded_meetings(self._clause, a, b)
+            targets = self._list_targets(after, (how_a, how_b))
+            unchanged = how_a is None and how_b is None and isinstance(self._clause, Contact)
+            if unchanged or any(low - 1e-6 <= delta <= high + 1e-6 for low, high in targets):
+                afters = [each.how.after for each in (how_a, how_b) if each is not None]
+                onset = np.inf if threat is None or not afters else threat[0] + max(afters)
+                latest = min(until + _SHIFT, onset + draw.within)
+                found = self._judge(Conflict((a, b), unaware, threat, latest))
+                if found is not None:
+                    return found, None
+            elif other is None and targets:
+                low, high = targets[int(self._context.rng.integers(len(targets)))]
+                other = float(self._context.rng.uniform(low, high))
+        return None, other
+
+    def _list_targets(
+        self, after: Intervals, ways: tuple[Response | None, Response | None]
+    ) -> list[tuple[float, float]]:
+        """List ranges of offsets [s] at which the two would touch unaware, and responding as they
+        do now touch or miss one another as asked.
+
+        Args:
+            after: offsets at which they would touch if they responded so.
+        """
+        if not len(after) or not len(self._meetings):
+            return []
+        if isinstance(self._clause, Contact):
+            both = product(self._meetings.tolist(), after.tolist())
+            ranges = [(max(a, c), min(b, d)) for (a, b), (c, d) in both]
+            return [(low, high) for low, high in ranges if high - low > STEP]
+        least, pets = self._clause.low, [self._clause.high] * 2
+        for k, how in enumerate(ways):
+            if how is not None and (how.gives_way or has_trait("reaction", how.how.kind, "back")):
+                pets[k] = min(pets[k], _NARROW)
+        first, last = float(after[:, 0].min()), float(after[:, 1].max())
+        low, high = float(self._meetings[:, 0].min()), float(self._meetings[:, 1].max())
+        sides = (first - pets[0], first - least), (last + least, last + pets[1])
+        ranges = [(max(a, low + STEP), min(b, high - STEP)) for a, b in sides]
+        return [(a, b) for a, b in ranges if a <= b]
+
+    def _list_ways(
+        self,
+        k: int,
+        ways: tuple[Response, ...],
+        pair: Pair,
+        threat: tuple[float, float] | None,
+        until: float,
+    ) -> list[tuple[ScheduledAgent, Response | None]]:
+        """List one of the two responding, each way that is seen; as it is, if it perceives nothing.
+
+        None where it would have to, and cannot.
+        """
+        of, other, asked = pair[k], pair[1 - k], self._names[k] in self._context.reactions.ways
+        blind = threat is None or of.slowings or not sees(of, other, threat[0])
+        if blind or not self._context.reactions.may_react(self._names[k]) or not ways:
+            return [(of, None)]
+        begin = 0.0 if threat is None else threat[0]
+        found: list[tuple[ScheduledAgent, Response | None]] = []
+        late = 0
+        for each in ways:
+            if begin + each.how.after > until - _TOO_LATE:
+                late += 1
+                continue
+            changed = self._change(k, each, pair, begin, until)
+            if changed is not None and _is_seen(of, changed, begin, until):
+                found.append((changed, each))
+        return [(of, None)] if late == len(ways) and not asked else found
+
+    def _change(
+        self, k: int, response: Response, pair: Pair, begin: float, until: float
+    ) -> ScheduledAgent | None:
+        """Apply the response; None where it changes nothing.
+
+        Args:
+            begin: when the conflict is perceptible; until: when the two would touch [s].
+        """
+        of, how, kind = pair[k], response.how, pair[k].candidate.shape.type
+        nodes = (self._conflict.s_a[self._conflict.i], self._conflict.s_b[self._conflict.j])[k]
+        onset = begin + how.after
+        if has_trait("reaction", how.kind, "back"):
+            return self._step_back(of, how, float(nodes.min()), begin, until)
+        usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
+        least = _WEAKEST[kind] + usual
+        if how.hurries:
+            beyond = float(nodes.max()) + 1.0 if response.kept is None else of.candidate.path.length
+            return run_on(of, onset=onset, acceleration=max(how.strength, least), until=beyond)
+        speed = max(_LEAST_SPEED[kind], response.keeps * before)
+        if response.kept is not None:
+            speed = max(_LEAST_SPEED[kind], min(speed, before - SLOWS_FOR * least))
+        braking = max(min(how.strength + usual, (before - speed) / SLOWS_FOR), least)
+        kept = response.kept or max(float(nodes.min()) - find_place(of, onset), 1.0)
+        changed = slow_down(of, onset=onset, braking=braking, speed=speed, kept=kept)
+        if changed is not None and how.swerves:
+            aside = float(self._context.rng.uniform(*ASIDE))
+            return swerve_away(changed, of, pair[1 - k], onset=onset, meets=until, by=aside)
+        return changed
+
+    def _step_back(
+        self, of: ScheduledAgent, how: Reaction, zone: float, begin: float, until: float
+    ) -> ScheduledAgent | None:
+        """Make the pedestrian step back with a foot or more in the other's way, which begins at
+        `zone` [m]; None unless that is a reaction time after `begin` [s]."""
+        rng, hit = self._context.rng, isinstance(self._clause, Contact)
+        into = float(rng.uniform(*(_DEEP if hit else _INTO)))
+        at, speed = zone + into, find_speed(of, until)
+        onset = of.enters + of.motion.find_time_at(at - speed**2 / (2.0 * how.strength))
+        if not REACTION_TIME.least <= onset - begin <= REACTION_TIME.most:
+            return None
+        own = get_kind("reaction", how.kind).ranges
+        back = float(rng.uniform(*own["backwards"]))
+        return step_back(
+            of, at=at, back=back if hit else max(back, into + _CLEAR), braking=how.strength,
+            speed=float(rng.uniform(*own["speed"])), rests=float(rng.uniform(*_RESTS)),
+        )  # fmt: skip
+
+
+def _is_seen(before: ScheduledAgent, after: ScheduledAgent, begin: float, until: float) -> bool:
+    """Return whether a response to what is perceptible from `begin` on shows by a time [s]."""
+    clock = min(before.motion.clock, after.motion.clock, key=len)
+    times = clock[clock <= until - before.enters]
+    n = len(times)
+    most = float(np.abs(after.motion.speed[:n] - before.motion.speed[:n]).max(initial=0.0))
+    seen = most >= _SEEN[before.candidate.shape.type]
+    if before.candidate.shape.type == "pedestrian" or not seen:
+        return seen
+    since = after.motion.acceleration[:n][times > begin - before.enters]
+    usual = find_usual_braking(before, begin, begin)
+    return bool(len(since)) and float(since.min()) < -usual - _HARDER
