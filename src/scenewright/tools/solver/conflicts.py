@@ -10,22 +10,29 @@ conflict judges what has come of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Protocol
 
 import numpy as np
 
-from scenewright.scene.constraints import Contact, TimeGap
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.scene.constraints import PairClause
 from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.reaction_behavior import ASIDE, REACTION_TIME, Reaction
+from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.evasions import step_back, swerve_away
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
-from scenewright.tools.solver.path_conflict import Intervals
+from scenewright.tools.solver.path_conflict import (
+    Intervals,
+    compute_gap,
+    find_conflict_intervals,
+)
 from scenewright.tools.solver.reactions import (
     SLOWS_FOR,
+    SMOOTHED,
     find_place,
     find_speed,
     find_threat,
@@ -36,6 +43,7 @@ from scenewright.tools.solver.reactions import (
 )
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.yielding import find_conflict_zone
 from scenewright.work_limit import count_work
 
 _STEPS = 4
@@ -63,6 +71,10 @@ _YIELDS, _HARSH, _NARROW = 0.58, 5.3, 0.44
 """Who keeps less than that share of its speed would have given way, but for braking harder than
 this [m/s^2], or a PET shorter than this [s] (SEMANTICS 4)."""
 
+_SHORT, _STANDS, _SETS_OFF = 0.4, 0.9, (0.3, 1.0)
+"""Of who stops: how far short of the other's path at least [m]; its least standstill, and how long
+after the other has passed it sets off [s]."""
+
 _INTO, _DEEP = (0.05, 0.5), (0.7, 2.2)
 """How far in the other's way a pedestrian turns round that is missed, and one that is hit [m]."""
 _CLEAR = 0.2
@@ -80,11 +92,13 @@ class Response:
     Attributes:
         keeps: share of its speed that it keeps where it slows.
         kept: how far it stays slow [m]; None: until the other's path begins.
+        stands: it stops instead, short of the other's path, until that has passed.
     """
 
     how: Reaction
     keeps: float
     kept: float | None = None
+    stands: bool = False
 
     @property
     def gives_way(self) -> bool:
@@ -134,21 +148,25 @@ class Prepare(Protocol):
 
 
 def sample_conflicts(
-    clause: Contact | TimeGap,
+    clause: PairClause,
     schedule: PartialSchedule,
     context: SolverContext,
     pair: Pair,
     draws: Iterable[Draw],
     judge: Judge,
+    *,
+    pets: tuple[float, float] | None = None,
+    second: int | None = None,
     prepare: Prepare | None = None,
 ) -> Iterator[PartialSchedule]:
     """List schedules (lazily) with conflicts of the two as `judge` wants them, one a draw at most.
 
     Args:
-        clause: that the two touch, or the PET at which they miss one another.
+        pets: range of the PET at which they miss one another [s]; None: they touch.
+        second: which of the two passes second (0, 1), where only one may.
         prepare: changes the two as placed before they respond; None if that does not fit.
     """
-    sampler = _Sampler(clause, schedule, context, pair, judge, prepare)
+    sampler = _Sampler(clause, schedule, context, pair, judge, pets, second, prepare)
     for draw in draws:
         found = sampler.settle(draw)
         if found is not None:
@@ -160,29 +178,32 @@ class _Sampler:
 
     def __init__(
         self,
-        clause: Contact | TimeGap,
+        clause: PairClause,
         schedule: PartialSchedule,
         context: SolverContext,
         pair: Pair,
         judge: Judge,
+        pets: tuple[float, float] | None,
+        second: int | None,
         prepare: Prepare | None,
     ) -> None:
         self._clause, self._schedule, self._context = clause, schedule, context
         self._pair, self._judge, self._names = pair, judge, get_pair(clause)
-        self._prepare = prepare
+        self._pets, self._second, self._prepare = pets, second, prepare
         self._meetings = context.find_meeting_intervals(clause, *pair)
         self._conflict = context.find_path_conflict(clause)
         self._taken = set[float]()
 
     def settle(self, draw: Draw) -> PartialSchedule | None:
         """Find an offset at which the two respond as drawn and `judge` takes what comes of it."""
-        delta: float | None = draw.delta
+        delta, tried = draw.delta, set(self._taken)
         for n in range(_STEPS):
-            a, b = self._schedule.place(self._clause, *self._pair, delta or 0.0)
+            a, b = self._schedule.place(self._clause, *self._pair, delta)
             delta = round(b.enters - a.enters, 1)
             unaware = find_first_contact(a, b, left_hand=self._context.left_hand)
-            if unaware is None or delta in self._taken:
+            if unaware is None or delta in tried:
                 return None
+            tried.add(delta)
             if self._prepare is not None:
                 prepared = self._prepare((a, b), unaware, first=n == 0)
                 if prepared is None:
@@ -193,33 +214,38 @@ class _Sampler:
             if unaware is None:
                 return None
             count_work()
-            found, delta = self._respond(draw, (a, b), unaware)
+            found, other = self._respond(draw, (a, b), unaware)
             if found is not None:
-                self._taken.add(round(b.enters - a.enters, 1))
+                self._taken.add(delta)
+            if found is not None or other is None:
                 return found
-            if delta is None:
-                return None
+            delta = other
         return None
 
     def _respond(
-        self, draw: Draw, pair: Pair, unaware: FirstContact
+        self, draw: Draw, pair: Pair, contact: FirstContact
     ) -> tuple[PartialSchedule | None, float | None]:
         """Make the two respond: the schedule that fits; else an offset at which they might."""
         lead = self._context.reactions.hidden.get(frozenset(self._names))
-        until = unaware.time
+        until = contact.time
         threat = find_threat(self._conflict, *pair, until=until, lead=lead)
         own = [self._list_ways(k, draw.ways[k], pair, threat, until) for k in (0, 1)]
         delta, other = pair[1].enters - pair[0].enters, None
+        one_only = bool(draw.ways[0]) != bool(draw.ways[1])
         for one, two in sorted(product(*map(range, map(len, own))), key=sum):
             (a, how_a), (b, how_b) = own[0][one], own[1][two]
             after = self._context.find_evaded_meetings(self._clause, a, b)
             targets = self._list_targets(after, (how_a, how_b))
-            unchanged = how_a is None and how_b is None and isinstance(self._clause, Contact)
-            if unchanged or any(low - 1e-6 <= delta <= high + 1e-6 for low, high in targets):
+            unaware = how_a is None and how_b is None
+            if unaware and one_only:
+                continue  # the other could have responded
+            if (unaware and self._pets is None) or any(
+                low - 1e-6 <= delta <= high + 1e-6 for low, high in targets
+            ):
                 afters = [each.how.after for each in (how_a, how_b) if each is not None]
                 onset = np.inf if threat is None or not afters else threat[0] + max(afters)
                 latest = min(until + _SHIFT, onset + draw.within)
-                found = self._judge(Conflict((a, b), unaware, threat, latest))
+                found = self._judge(Conflict((a, b), contact, threat, latest))
                 if found is not None:
                     return found, None
             elif other is None and targets:
@@ -238,18 +264,19 @@ class _Sampler:
         """
         if not len(after) or not len(self._meetings):
             return []
-        if isinstance(self._clause, Contact):
+        if self._pets is None:
             both = product(self._meetings.tolist(), after.tolist())
             ranges = [(max(a, c), min(b, d)) for (a, b), (c, d) in both]
             return [(low, high) for low, high in ranges if high - low > STEP]
-        least, pets = self._clause.low, [self._clause.high] * 2
+        least, pets = self._pets[0], [self._pets[1]] * 2
         for k, how in enumerate(ways):
             if how is not None and (how.gives_way or has_trait("reaction", how.how.kind, "back")):
                 pets[k] = min(pets[k], _NARROW)
         first, last = float(after[:, 0].min()), float(after[:, 1].max())
         low, high = float(self._meetings[:, 0].min()), float(self._meetings[:, 1].max())
         sides = (first - pets[0], first - least), (last + least, last + pets[1])
-        ranges = [(max(a, low + STEP), min(b, high - STEP)) for a, b in sides]
+        wanted = sides if self._second is None else sides[self._second : self._second + 1]
+        ranges = [(max(a, low + STEP), min(b, high - STEP)) for a, b in wanted]
         return [(a, b) for a, b in ranges if a <= b]
 
     def _list_ways(
@@ -294,6 +321,8 @@ class _Sampler:
         if has_trait("reaction", how.kind, "back"):
             return self._step_back(of, how, float(nodes.min()), begin, until)
         usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
+        if response.stands:
+            return self._stop_short(k, how.strength + usual, pair, onset)
         least = _WEAKEST[kind] + usual
         if how.hurries:
             beyond = float(nodes.max()) + 1.0 if response.kept is None else of.candidate.path.length
@@ -309,12 +338,41 @@ class _Sampler:
             return swerve_away(changed, of, pair[1 - k], onset=onset, meets=until, by=aside)
         return changed
 
+    def _stop_short(
+        self, k: int, braking: float, pair: Pair, onset: float
+    ) -> ScheduledAgent | None:
+        """Brake to a stop from `onset` [s] on, short of where the other has passed; None beyond."""
+        of, other, clause = pair[k], pair[1 - k], self._clause
+        zone = find_conflict_zone(clause, *pair, self._context)
+        own, others = [(zone.s_a[zone.i], zone.s_b[zone.j])[each] for each in (k, 1 - k)]
+        s = find_place(of, onset + SMOOTHED)
+        s += find_speed(of, onset) ** 2 / (2.0 * braking)
+        first, passes = float(own.min()), other.motion.find_time_at(float(others.max()))
+        start = of.enters + compute_arrival(of.candidate, StopCommand(s, 0.0, braking))
+        if s > first - _SHORT or not np.isfinite(start + passes):
+            return None
+        stop = Stop("yield_point", s, start, start, "gives_way", braking, first - s)
+        earlier = [each for each in of.stops if abs(each.s - s) > 0.5]
+        until = other.enters + passes + float(self._context.rng.uniform(*_SETS_OFF))
+
+        def hold(until: float) -> ScheduledAgent:
+            held = replace(stop, until=max(until, start + _STANDS))
+            return of.edit(stops=tuple(sorted((*earlier, held), key=lambda each: each.s)))
+
+        wanted, held = self._context.get_requested_pet(clause), hold(until)
+        if wanted is None:
+            return held
+        a, b = (held, other) if k == 0 else (other, held)
+        meetings = find_conflict_intervals(zone, a.motion, b.motion, c=0.0, exact=True)
+        pet = compute_gap(meetings, b.enters - a.enters)
+        return hold(until + (wanted.low + wanted.high) / 2 - pet) if np.isfinite(pet) else held
+
     def _step_back(
         self, of: ScheduledAgent, how: Reaction, zone: float, begin: float, until: float
     ) -> ScheduledAgent | None:
         """Make the pedestrian step back with a foot or more in the other's way, which begins at
         `zone` [m]; None unless that is a reaction time after `begin` [s]."""
-        rng, hit = self._context.rng, isinstance(self._clause, Contact)
+        rng, hit = self._context.rng, self._pets is None
         into = float(rng.uniform(*(_DEEP if hit else _INTO)))
         at, speed = zone + into, find_speed(of, until)
         onset = of.enters + of.motion.find_time_at(at - speed**2 / (2.0 * how.strength))

@@ -10,7 +10,7 @@ import numpy as np
 from scenewright.scene.base import RIDERS
 from scenewright.scene.constraints import Contact
 from scenewright.scene.kinds import find_kind, has_trait, load_function
-from scenewright.scene.reaction_behavior import REACTION_TIME, Reaction
+from scenewright.scene.reaction_behavior import REACTION_TIME, RUNS, Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.conflicts import Conflict, Draw, Pair, Response, sample_conflicts
@@ -129,7 +129,7 @@ def _schedule_offsets(
     draws = _list_draws(clause, context, pair, deltas)
     scheduled = False
     for found in sample_conflicts(
-        clause, schedule, context, pair, draws, judge.judge, judge.prepare
+        clause, schedule, context, pair, draws, judge.judge, prepare=judge.prepare
     ):
         scheduled = True
         yield found
@@ -141,35 +141,40 @@ def _list_draws(
 ) -> Iterator[Draw]:
     """List what to try at each offset: both respond; later ones, as of those who collide more
     respond late; one of them does; last, neither."""
-    names = get_pair(clause)
-    drawn = [context.reactions.draw(name, of, context.rng) for name, of in zip(names, pair, strict=True)]
-    rounds = _ROUNDS if len(deltas) <= _MANY else 1
-    for n in range(rounds):
+    asked = [context.reactions.ways.get(name) for name in get_pair(clause)]
+
+    def draw() -> list[Reaction]:
+        both = zip(get_pair(clause), pair, strict=True)
+        return [context.reactions.draw(name, of, context.rng) for name, of in both]
+
+    drawn = draw()
+    for n in range(_ROUNDS if len(deltas) <= _MANY else 1):
         # Drawn once a round: a new draw for every offset would favour slow ones.
-        ways = (_vary(drawn[0], pair[0]), _vary(drawn[1], pair[1]))
-        for delta in deltas:
-            yield Draw(delta, ways, IN_VAIN if n < _PROMPT else np.inf)
-        again = [context.reactions.draw(name, of, context.rng) for name, of in zip(names, pair, strict=True)]
+        ways = (_vary(drawn[0], pair[0], asked[0]), _vary(drawn[1], pair[1], asked[1]))
+        yield from (Draw(delta, ways, IN_VAIN if n < _PROMPT else np.inf) for delta in deltas)
         drawn = [
             replace(new, after=max(new.after, old.after))
-            for new, old in zip(again, drawn, strict=True)
+            for new, old in zip(draw(), drawn, strict=True)
         ]
-    ways = (_vary(drawn[0], pair[0]), _vary(drawn[1], pair[1]))
-    asked = [name in context.reactions.ways for name in names]
     for alone in ((ways[0], ()), ((), ways[1]), ((), ())):
-        ignored = any(not way and must for way, must in zip(alone, asked, strict=True))
+        ignored = any(must and not way for way, must in zip(alone, asked, strict=True))
         if not ignored and (any(alone) or context.lenient):
             yield from (Draw(delta, alone) for delta in deltas)
 
 
-def _vary(drawn: Reaction, of: ScheduledAgent) -> tuple[Response, ...]:
-    """List the reaction as drawn, then weaker ones: that may be why they touch."""
+def _vary(drawn: Reaction, of: ScheduledAgent, asked: str | None) -> tuple[Response, ...]:
+    """List the reaction as drawn, then weaker ones, as that may be why they touch; then, on foot
+    and unasked, the other way to react."""
     away = of.candidate.path.length
     if has_trait("reaction", drawn.kind, "back"):
         return (Response(drawn, 0.0),)
+    kinds = [drawn.kind]
+    if of.candidate.shape.type == "pedestrian" and asked is None:
+        kinds.append("stops" if drawn.hurries else RUNS)
     ways = _WAYS_ON_FOOT if of.candidate.shape.type == "pedestrian" else _WAYS
     return tuple(
-        Response(replace(drawn, strength=share * drawn.strength), keeps, away)
+        Response(replace(drawn, kind=kind, strength=share * drawn.strength), keeps, away)
+        for kind in kinds
         for share, keeps in ways
     )
 

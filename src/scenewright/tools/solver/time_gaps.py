@@ -68,7 +68,8 @@ def schedule_time_gaps(
             return _judge(clause, schedule, context, conflict.pair)
 
         draws = _list_draws(clause, context, (a, b), meetings, able, back=back)
-        found = sample_conflicts(clause, schedule, context, (a, b), draws, judge)
+        pets = clause.low, clause.high
+        found = sample_conflicts(clause, schedule, context, (a, b), draws, judge, pets=pets)
         yield from islice(found, _MOST)
         if back or not context.lenient:
             words = "no reaction of either agent brings it about"
