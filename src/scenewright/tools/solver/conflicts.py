@@ -10,7 +10,7 @@ conflict judges what has come of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Protocol
 
@@ -25,11 +25,7 @@ from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.evasions import step_back, swerve_away
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
-from scenewright.tools.solver.path_conflict import (
-    Intervals,
-    compute_gap,
-    find_conflict_intervals,
-)
+from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.reactions import (
     SLOWS_FOR,
     SMOOTHED,
@@ -43,7 +39,7 @@ from scenewright.tools.solver.reactions import (
 )
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
-from scenewright.tools.solver.yielding import find_conflict_zone
+from scenewright.tools.solver.yielding import find_conflict_zone, hold_at
 from scenewright.work_limit import count_work
 
 _STEPS = 4
@@ -92,7 +88,7 @@ class Response:
     Attributes:
         keeps: share of its speed that it keeps where it slows.
         kept: how far it stays slow [m]; None: until the other's path begins.
-        stands: it stops instead, short of the other's path, until that has passed.
+        stands: the first stops instead, short of the other's path, until that has passed.
     """
 
     how: Reaction
@@ -192,7 +188,7 @@ class _Sampler:
         self._pets, self._second, self._prepare = pets, second, prepare
         self._meetings = context.find_meeting_intervals(clause, *pair)
         self._conflict = context.find_path_conflict(clause)
-        self._taken = set[float]()
+        self._taken, self._steps = set[float](), 0
 
     def settle(self, draw: Draw) -> PartialSchedule | None:
         """Find an offset at which the two respond as drawn and `judge` takes what comes of it."""
@@ -213,7 +209,8 @@ class _Sampler:
                     unaware = find_first_contact(a, b, left_hand=self._context.left_hand)
             if unaware is None:
                 return None
-            count_work()
+            self._steps += 1
+            count_work(self._steps % 4 == 0)  # four take as long as other steps of the search
             found, other = self._respond(draw, (a, b), unaware)
             if found is not None:
                 self._taken.add(delta)
@@ -322,7 +319,7 @@ class _Sampler:
             return self._step_back(of, how, float(nodes.min()), begin, until)
         usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
         if response.stands:
-            return self._stop_short(k, how.strength + usual, pair, onset)
+            return self._stop_short(pair, how.strength + usual, onset)
         least = _WEAKEST[kind] + usual
         if how.hurries:
             beyond = float(nodes.max()) + 1.0 if response.kept is None else of.candidate.path.length
@@ -338,34 +335,22 @@ class _Sampler:
             return swerve_away(changed, of, pair[1 - k], onset=onset, meets=until, by=aside)
         return changed
 
-    def _stop_short(
-        self, k: int, braking: float, pair: Pair, onset: float
-    ) -> ScheduledAgent | None:
-        """Brake to a stop from `onset` [s] on, short of where the other has passed; None beyond."""
-        of, other, clause = pair[k], pair[1 - k], self._clause
-        zone = find_conflict_zone(clause, *pair, self._context)
-        own, others = [(zone.s_a[zone.i], zone.s_b[zone.j])[each] for each in (k, 1 - k)]
-        s = find_place(of, onset + SMOOTHED)
-        s += find_speed(of, onset) ** 2 / (2.0 * braking)
-        first, passes = float(own.min()), other.motion.find_time_at(float(others.max()))
-        start = of.enters + compute_arrival(of.candidate, StopCommand(s, 0.0, braking))
-        if s > first - _SHORT or not np.isfinite(start + passes):
+    def _stop_short(self, pair: Pair, braking: float, onset: float) -> ScheduledAgent | None:
+        """Brake the first to a stop from `onset` [s] on, short of where the other has passed; None
+        beyond."""
+        a, b = pair
+        zone = find_conflict_zone(self._clause, a, b, self._context)
+        s = find_place(a, onset + SMOOTHED) + find_speed(a, onset) ** 2 / (2.0 * braking)
+        ahead = float(zone.s_a[zone.i].min()) - s
+        start = a.enters + compute_arrival(a.candidate, StopCommand(s, 0.0, braking))
+        passed = b.enters + b.motion.find_time_at(float(zone.s_b[zone.j].max()))
+        if ahead < _SHORT or not np.isfinite(start + passed):
             return None
-        stop = Stop("yield_point", s, start, start, "gives_way", braking, first - s)
-        earlier = [each for each in of.stops if abs(each.s - s) > 0.5]
-        until = other.enters + passes + float(self._context.rng.uniform(*_SETS_OFF))
-
-        def hold(until: float) -> ScheduledAgent:
-            held = replace(stop, until=max(until, start + _STANDS))
-            return of.edit(stops=tuple(sorted((*earlier, held), key=lambda each: each.s)))
-
-        wanted, held = self._context.get_requested_pet(clause), hold(until)
-        if wanted is None:
-            return held
-        a, b = (held, other) if k == 0 else (other, held)
-        meetings = find_conflict_intervals(zone, a.motion, b.motion, c=0.0, exact=True)
-        pet = compute_gap(meetings, b.enters - a.enters)
-        return hold(until + (wanted.low + wanted.high) / 2 - pet) if np.isfinite(pet) else held
+        until = passed + float(self._context.rng.uniform(*_SETS_OFF))
+        until = max(until, start + _STANDS)
+        stop = Stop("yield_point", s, start, until, "gives_way", braking, ahead)
+        wanted = self._context.get_requested_pet(self._clause)
+        return hold_at(a, b, stop, zone, wanted, least=_STANDS)
 
     def _step_back(
         self, of: ScheduledAgent, how: Reaction, zone: float, begin: float, until: float

@@ -90,7 +90,7 @@ from scenewright.tools.solver.entry_times import (
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
 from scenewright.tools.solver.independent_events import join_names, list_separations
-from scenewright.tools.solver.motion_template import MotionTemplate
+from scenewright.tools.solver.motions import MotionTemplate
 from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
