@@ -42,8 +42,9 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.yielding import find_conflict_zone, hold_at
 from scenewright.work_limit import count_work
 
-_STEPS = 4
-"""Offsets that are tried with one draw of responses."""
+_STEPS, _SOLVED = 4, 4
+"""Offsets that are tried with one draw of responses; and pairs of responses for which others are
+solved for."""
 
 _WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
 """Braking below this [m/s^2] is hardly a reaction."""
@@ -79,6 +80,8 @@ _RESTS = (0.4, 0.9)
 """How long it stands after that [s]."""
 
 Pair = tuple[ScheduledAgent, ScheduledAgent]
+_Changed = tuple[ScheduledAgent, "Response | None"]
+"""An agent as it responds, if it does."""
 
 
 @dataclass(frozen=True)
@@ -227,28 +230,37 @@ class _Sampler:
         until = contact.time
         threat = find_threat(self._conflict, *pair, until=until, lead=lead)
         own = [self._list_ways(k, draw.ways[k], pair, threat, until) for k in (0, 1)]
-        delta, other = pair[1].enters - pair[0].enters, None
-        one_only = bool(draw.ways[0]) != bool(draw.ways[1])
-        for one, two in sorted(product(*map(range, map(len, own))), key=sum):
-            (a, how_a), (b, how_b) = own[0][one], own[1][two]
+        both = [
+            (own[0][k], own[1][n])
+            for k, n in sorted(product(*(range(len(each)) for each in own)), key=sum)
+        ]
+        if bool(draw.ways[0]) != bool(draw.ways[1]):  # else the other could have responded
+            both = [each for each in both if each[0][1] or each[1][1]]
+
+        def judge(ways: tuple[_Changed, _Changed]) -> PartialSchedule | None:
+            (a, how_a), (b, how_b) = ways
+            afters = [each.how.after for each in (how_a, how_b) if each is not None]
+            onset = np.inf if threat is None or not afters else threat[0] + max(afters)
+            latest = min(until + _SHIFT, onset + draw.within)
+            return self._judge(Conflict((a, b), contact, threat, latest))
+
+        if self._pets is None:
+            found = next(filter(None, map(judge, both)), None)
+            if found is not None:
+                return found, None
+        delta = pair[1].enters - pair[0].enters
+        for ways in both[:_SOLVED]:
+            (a, how_a), (b, how_b) = ways
             after = self._context.find_evaded_meetings(self._clause, a, b)
             targets = self._list_targets(after, (how_a, how_b))
-            unaware = how_a is None and how_b is None
-            if unaware and one_only:
-                continue  # the other could have responded
-            if (unaware and self._pets is None) or any(
-                low - 1e-6 <= delta <= high + 1e-6 for low, high in targets
-            ):
-                afters = [each.how.after for each in (how_a, how_b) if each is not None]
-                onset = np.inf if threat is None or not afters else threat[0] + max(afters)
-                latest = min(until + _SHIFT, onset + draw.within)
-                found = self._judge(Conflict((a, b), contact, threat, latest))
+            if any(low - 1e-6 <= delta <= high + 1e-6 for low, high in targets):
+                found = None if self._pets is None else judge(ways)
                 if found is not None:
                     return found, None
-            elif other is None and targets:
+            elif targets:
                 low, high = targets[int(self._context.rng.integers(len(targets)))]
-                other = float(self._context.rng.uniform(low, high))
-        return None, other
+                return None, float(self._context.rng.uniform(low, high))
+        return None, None
 
     def _list_targets(
         self, after: Intervals, ways: tuple[Response | None, Response | None]
@@ -283,7 +295,7 @@ class _Sampler:
         pair: Pair,
         threat: tuple[float, float] | None,
         until: float,
-    ) -> list[tuple[ScheduledAgent, Response | None]]:
+    ) -> list[_Changed]:
         """List one of the two responding, each way that is seen; as it is, if it perceives nothing.
 
         None where it would have to, and cannot.
@@ -293,8 +305,7 @@ class _Sampler:
         if blind or not self._context.reactions.may_react(self._names[k]) or not ways:
             return [(of, None)]
         begin = 0.0 if threat is None else threat[0]
-        found: list[tuple[ScheduledAgent, Response | None]] = []
-        late = 0
+        found, late = list[_Changed](), 0
         for each in ways:
             if begin + each.how.after > until - _TOO_LATE:
                 late += 1
