@@ -41,11 +41,8 @@ _SHARPEST = 0.12
 _HEADS_FOR = 5.0
 """Least distance straight towards an object before the agent moves aside [m]."""
 
-_GAP = (1.2, 3.0)
-"""How far behind an object, or behind one another, who waits stands [m]."""
-
-_SHORT, _HARD = (0.4, 1.1), (5.5, 7.0)
-"""How far from an object who stops short of it stands [m], and how hard it brakes [m/s^2]."""
+_FARTHEST = 3.0
+"""Farthest that who is moved off a crosswalk waits behind an object [m]."""
 
 _PULLS_OUT, _SHARPEST_START = (8.5, 10.0), 0.19
 """Way on which who has waited moves over [m], and its sharpest bend [1/m]."""
@@ -325,31 +322,32 @@ _Timed = tuple[ScheduledAgent, float] | None
 """An agent with what it does about the object, and the time there [s]; None if it cannot."""
 
 
-def wait_behind(
-    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
-) -> _Timed:
-    """Stop it behind the object, for good."""
-    return _wait(actor, meeting.touch, meeting.choose(_GAP, rng))
-
-
-def queue_behind(
+def stand_behind(
     actor: ScheduledAgent,
     meeting: ObjectEncounter,
     rng: np.random.Generator,
     earlier: Earlier | None,
 ) -> _Timed:
-    """Stop it behind the agent that stands at the object."""
-    standing = None if earlier is None else earlier.standing
-    touch = None if standing is None else _find_touch(meeting.candidate, standing)
-    return None if touch is None else _wait(actor, touch, meeting.choose(_GAP, rng))
-
-
-def stop_short(
-    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
-) -> _Timed:
-    """Brake it hard to a stop just short of the object."""
-    braking = float(rng.uniform(*_HARD))
-    return _wait(actor, meeting.touch, meeting.choose(_SHORT, rng), braking)
+    """Stop it behind the object, or the agent that stands there, for good; off crosswalks, unless
+    it brakes hard."""
+    kind, touch = get_kind("encounter", str(meeting.how)), meeting.touch
+    if "behind_agent" in kind.traits:
+        standing = None if earlier is None else earlier.standing
+        found = None if standing is None else _find_touch(meeting.candidate, standing)
+        if found is None:
+            return None
+        touch = found
+    hard = kind.ranges.get("braking")
+    braking = None if hard is None else float(rng.uniform(*hard))
+    wanted = touch - meeting.choose(kind.ranges["gap"], rng)
+    s = wanted if braking else actor.landmarks.move_off_crosswalks(wanted)
+    if s < min(wanted, touch - _FARTHEST) or s < _HEADS_FOR:
+        return None
+    stands = compute_arrival(actor.candidate, StopCommand(s, 0.0, braking))
+    if not np.isfinite(stands):
+        return None
+    stop = Stop("stopping_point", s, stands, stands + FOR_GOOD, "waits", braking)
+    return actor.edit(stops=(stop,)), stands
 
 
 def go_round(
@@ -370,19 +368,6 @@ def ride_into_door(
         return brake_too_late(actor, meeting, rng, earlier)
     touches = actor.motion.find_time_at(meeting.touch)
     return (actor.end_at(touches), touches) if np.isfinite(touches) else None
-
-
-def _wait(actor: ScheduledAgent, touch: float, gap: float, braking: float | None = None) -> _Timed:
-    """Stop it so far behind, for good; off crosswalks, unless it brakes hard."""
-    wanted = touch - gap
-    s = wanted if braking else actor.landmarks.move_off_crosswalks(wanted)
-    if s < min(wanted, touch - _GAP[1]) or s < _HEADS_FOR:
-        return None
-    stands = compute_arrival(actor.candidate, StopCommand(s, 0.0, braking))
-    if not np.isfinite(stands):
-        return None
-    stop = Stop("stopping_point", s, stands, stands + FOR_GOOD, "waits", braking)
-    return actor.edit(stops=(stop,)), stands
 
 
 def wait_first(
