@@ -10,17 +10,16 @@ conflict judges what has come of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 from typing import Protocol
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.constraints import PairClause
 from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.reaction_behavior import ASIDE, REACTION_TIME, Reaction
-from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.evasions import step_back, swerve_away
@@ -146,74 +145,56 @@ class Prepare(Protocol):
         """Return the two as changed; `first`: at the offset drawn, not at one solved for."""
 
 
-def sample_conflicts(
-    clause: PairClause,
-    schedule: PartialSchedule,
-    context: SolverContext,
-    pair: Pair,
-    draws: Iterable[Draw],
-    judge: Judge,
-    *,
-    pets: tuple[float, float] | None = None,
-    second: int | None = None,
-    prepare: Prepare | None = None,
-) -> Iterator[PartialSchedule]:
-    """List schedules (lazily) with conflicts of the two as `judge` wants them, one a draw at most.
+@dataclass(frozen=True, eq=False)
+class ConflictSampler:
+    """Samples conflicts of a clause's two agents.
 
-    Args:
+    Attributes:
+        pair: the two, not yet placed to one another.
+        judge: builds the schedule of a conflict that is as wanted.
         pets: range of the PET at which they miss one another [s]; None: they touch.
         second: which of the two passes second (0, 1), where only one may.
         prepare: changes the two as placed before they respond; None if that does not fit.
     """
-    sampler = _Sampler(clause, schedule, context, pair, judge, pets, second, prepare)
-    for draw in draws:
-        found = sampler.settle(draw)
-        if found is not None:
-            yield found
 
+    clause: PairClause
+    schedule: PartialSchedule
+    context: SolverContext
+    pair: Pair
+    judge: Judge
+    pets: tuple[float, float] | None = None
+    second: int | None = None
+    prepare: Prepare | None = None
+    _taken: set[float] = field(default_factory=set, init=False)
 
-class _Sampler:
-    """Samples conflicts of two agents."""
+    def sample(self, draws: Iterable[Draw]) -> Iterator[PartialSchedule]:
+        """List schedules (lazily) with conflicts as wanted, one a draw at most."""
+        yield from filter(None, map(self.settle, draws))
 
-    def __init__(
-        self,
-        clause: PairClause,
-        schedule: PartialSchedule,
-        context: SolverContext,
-        pair: Pair,
-        judge: Judge,
-        pets: tuple[float, float] | None,
-        second: int | None,
-        prepare: Prepare | None,
-    ) -> None:
-        self._clause, self._schedule, self._context = clause, schedule, context
-        self._pair, self._judge, self._names = pair, judge, get_pair(clause)
-        self._pets, self._second, self._prepare = pets, second, prepare
-        self._meetings = context.find_meeting_intervals(clause, *pair)
-        self._conflict = context.find_path_conflict(clause)
-        self._taken, self._steps = set[float](), 0
+    @cached_property
+    def _meetings(self) -> Intervals:
+        return self.context.find_meeting_intervals(self.clause, *self.pair)
 
     def settle(self, draw: Draw) -> PartialSchedule | None:
         """Find an offset at which the two respond as drawn and `judge` takes what comes of it."""
         delta, tried = draw.delta, set(self._taken)
         for n in range(_STEPS):
-            a, b = self._schedule.place(self._clause, *self._pair, delta)
+            count_work(n % 2 == 1)  # several take as long as other steps of the search
+            a, b = self.schedule.place(self.clause, *self.pair, delta)
             delta = round(b.enters - a.enters, 1)
-            unaware = find_first_contact(a, b, left_hand=self._context.left_hand)
+            unaware = find_first_contact(a, b, left_hand=self.context.left_hand)
             if unaware is None or delta in tried:
                 return None
             tried.add(delta)
-            if self._prepare is not None:
-                prepared = self._prepare((a, b), unaware, first=n == 0)
+            if self.prepare is not None:
+                prepared = self.prepare((a, b), unaware, first=n == 0)
                 if prepared is None:
                     return None
                 if prepared != (a, b):
                     a, b = prepared
-                    unaware = find_first_contact(a, b, left_hand=self._context.left_hand)
+                    unaware = find_first_contact(a, b, left_hand=self.context.left_hand)
             if unaware is None:
                 return None
-            self._steps += 1
-            count_work(self._steps % 4 == 0)  # four take as long as other steps of the search
             found, other = self._respond(draw, (a, b), unaware)
             if found is not None:
                 self._taken.add(delta)
@@ -226,9 +207,11 @@ class _Sampler:
         self, draw: Draw, pair: Pair, contact: FirstContact
     ) -> tuple[PartialSchedule | None, float | None]:
         """Make the two respond: the schedule that fits; else an offset at which they might."""
-        lead = self._context.reactions.hidden.get(frozenset(self._names))
+        lead = self.context.reactions.hidden.get(frozenset(get_pair(self.clause)))
         until = contact.time
-        threat = find_threat(self._conflict, *pair, until=until, lead=lead)
+        threat = find_threat(
+            self.context.find_path_conflict(self.clause), *pair, until=until, lead=lead
+        )
         own = [self._list_ways(k, draw.ways[k], pair, threat, until) for k in (0, 1)]
         both = [
             (own[0][k], own[1][n])
@@ -242,24 +225,24 @@ class _Sampler:
             afters = [each.how.after for each in (how_a, how_b) if each is not None]
             onset = np.inf if threat is None or not afters else threat[0] + max(afters)
             latest = min(until + _SHIFT, onset + draw.within)
-            return self._judge(Conflict((a, b), contact, threat, latest))
+            return self.judge(Conflict((a, b), contact, threat, latest))
 
-        if self._pets is None:
+        if self.pets is None:
             found = next(filter(None, map(judge, both)), None)
             if found is not None:
                 return found, None
         delta = pair[1].enters - pair[0].enters
         for ways in both[:_SOLVED]:
             (a, how_a), (b, how_b) = ways
-            after = self._context.find_evaded_meetings(self._clause, a, b)
+            after = self.context.find_evaded_meetings(self.clause, a, b)
             targets = self._list_targets(after, (how_a, how_b))
             if any(low - 1e-6 <= delta <= high + 1e-6 for low, high in targets):
-                found = None if self._pets is None else judge(ways)
+                found = None if self.pets is None else judge(ways)
                 if found is not None:
                     return found, None
             elif targets:
-                low, high = targets[int(self._context.rng.integers(len(targets)))]
-                return None, float(self._context.rng.uniform(low, high))
+                low, high = targets[int(self.context.rng.integers(len(targets)))]
+                return None, float(self.context.rng.uniform(low, high))
         return None, None
 
     def _list_targets(
@@ -273,18 +256,18 @@ class _Sampler:
         """
         if not len(after) or not len(self._meetings):
             return []
-        if self._pets is None:
+        if self.pets is None:
             both = product(self._meetings.tolist(), after.tolist())
             ranges = [(max(a, c), min(b, d)) for (a, b), (c, d) in both]
             return [(low, high) for low, high in ranges if high - low > STEP]
-        least, pets = self._pets[0], [self._pets[1]] * 2
+        least, pets = self.pets[0], [self.pets[1]] * 2
         for k, how in enumerate(ways):
             if how is not None and (how.gives_way or has_trait("reaction", how.how.kind, "back")):
                 pets[k] = min(pets[k], _NARROW)
         first, last = float(after[:, 0].min()), float(after[:, 1].max())
         low, high = float(self._meetings[:, 0].min()), float(self._meetings[:, 1].max())
         sides = (first - pets[0], first - least), (last + least, last + pets[1])
-        wanted = sides if self._second is None else sides[self._second : self._second + 1]
+        wanted = sides if self.second is None else sides[self.second : self.second + 1]
         ranges = [(max(a, low + STEP), min(b, high - STEP)) for a, b in wanted]
         return [(a, b) for a, b in ranges if a <= b]
 
@@ -300,9 +283,13 @@ class _Sampler:
 
         None where it would have to, and cannot.
         """
-        of, other, asked = pair[k], pair[1 - k], self._names[k] in self._context.reactions.ways
+        of, other, asked = (
+            pair[k],
+            pair[1 - k],
+            get_pair(self.clause)[k] in self.context.reactions.ways,
+        )
         blind = threat is None or of.slowings or not sees(of, other, threat[0])
-        if blind or not self._context.reactions.may_react(self._names[k]) or not ways:
+        if blind or not self.context.reactions.may_react(get_pair(self.clause)[k]) or not ways:
             return [(of, None)]
         begin = 0.0 if threat is None else threat[0]
         found, late = list[_Changed](), 0
@@ -324,7 +311,8 @@ class _Sampler:
             begin: when the conflict is perceptible; until: when the two would touch [s].
         """
         of, how, kind = pair[k], response.how, pair[k].candidate.shape.type
-        nodes = (self._conflict.s_a[self._conflict.i], self._conflict.s_b[self._conflict.j])[k]
+        paths = self.context.find_path_conflict(self.clause)
+        nodes = (paths.s_a[paths.i], paths.s_b[paths.j])[k]
         onset = begin + how.after
         if has_trait("reaction", how.kind, "back"):
             return self._step_back(of, how, float(nodes.min()), begin, until)
@@ -342,7 +330,7 @@ class _Sampler:
         kept = response.kept or max(float(nodes.min()) - find_place(of, onset), 1.0)
         changed = slow_down(of, onset=onset, braking=braking, speed=speed, kept=kept)
         if changed is not None and how.swerves:
-            aside = float(self._context.rng.uniform(*ASIDE))
+            aside = float(self.context.rng.uniform(*ASIDE))
             return swerve_away(changed, of, pair[1 - k], onset=onset, meets=until, by=aside)
         return changed
 
@@ -350,17 +338,16 @@ class _Sampler:
         """Brake the first to a stop from `onset` [s] on, short of where the other has passed; None
         beyond."""
         a, b = pair
-        zone = find_conflict_zone(self._clause, a, b, self._context)
+        zone = find_conflict_zone(self.clause, a, b, self.context)
         s = find_place(a, onset + SMOOTHED) + find_speed(a, onset) ** 2 / (2.0 * braking)
         ahead = float(zone.s_a[zone.i].min()) - s
-        start = a.enters + compute_arrival(a.candidate, StopCommand(s, 0.0, braking))
+        stop = a.build_stop(s, "gives_way", braking=braking, anchor="yield_point")
         passed = b.enters + b.motion.find_time_at(float(zone.s_b[zone.j].max()))
-        if ahead < _SHORT or not np.isfinite(start + passed):
+        if ahead < _SHORT or not np.isfinite(stop.start + passed):
             return None
-        until = passed + float(self._context.rng.uniform(*_SETS_OFF))
-        until = max(until, start + _STANDS)
-        stop = Stop("yield_point", s, start, until, "gives_way", braking, ahead)
-        wanted = self._context.get_requested_pet(self._clause)
+        until = passed + float(self.context.rng.uniform(*_SETS_OFF))
+        stop = replace(stop, until=max(until, stop.start + _STANDS), ahead=ahead)
+        wanted = self.context.get_requested_pet(self.clause)
         return hold_at(a, b, stop, zone, wanted, least=_STANDS)
 
     def _step_back(
@@ -368,7 +355,7 @@ class _Sampler:
     ) -> ScheduledAgent | None:
         """Make the pedestrian step back with a foot or more in the other's way, which begins at
         `zone` [m]; None unless that is a reaction time after `begin` [s]."""
-        rng, hit = self._context.rng, self._pets is None
+        rng, hit = self.context.rng, self.pets is None
         into = float(rng.uniform(*(_DEEP if hit else _INTO)))
         at, speed = zone + into, find_speed(of, until)
         onset = of.enters + of.motion.find_time_at(at - speed**2 / (2.0 * how.strength))

@@ -13,7 +13,7 @@ from scenewright.scene.kinds import find_kind, has_trait, load_function
 from scenewright.scene.reaction_behavior import REACTION_TIME, RUNS, Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.conflicts import Conflict, Draw, Pair, Response, sample_conflicts
+from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Pair, Response
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.following import (
     TURNED,
@@ -128,9 +128,8 @@ def _schedule_offsets(
     judge = _Judge(clause, schedule, context, strict)
     draws = _list_draws(clause, context, pair, deltas)
     scheduled = False
-    for found in sample_conflicts(
-        clause, schedule, context, pair, draws, judge.judge, prepare=judge.prepare
-    ):
+    sampler = ConflictSampler(clause, schedule, context, pair, judge.judge, prepare=judge.prepare)
+    for found in sampler.sample(draws):
         scheduled = True
         yield found
     return judge.turned_round and not scheduled

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path
@@ -21,13 +20,12 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, sample_evenly
 from scenewright.scene.kinds import get_kind, has_trait, load_function
 from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord, name_door
-from scenewright.scene.selection import Slowing, Stop
+from scenewright.scene.selection import Slowing
 from scenewright.scene.social import Encounter, ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.object_places import Side, find_places
-from scenewright.tools.solver.context import FOR_GOOD
 from scenewright.tools.solver.objects import is_in_way, make_sweep
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import FOR_GOOD, ScheduledAgent
 
 _ASIDE = (0.5, 1.0)
 """Distance from an object when passing it [m]."""
@@ -343,11 +341,8 @@ def stand_behind(
     s = wanted if braking else actor.landmarks.move_off_crosswalks(wanted)
     if s < min(wanted, touch - _FARTHEST) or s < _HEADS_FOR:
         return None
-    stands = compute_arrival(actor.candidate, StopCommand(s, 0.0, braking))
-    if not np.isfinite(stands):
-        return None
-    stop = Stop("stopping_point", s, stands, stands + FOR_GOOD, "waits", braking)
-    return actor.edit(stops=(stop,)), stands
+    stop = actor.build_stop(s, "waits", braking=braking)
+    return (actor.edit(stops=(stop,)), stop.start) if np.isfinite(stop.start) else None
 
 
 def go_round(
@@ -377,13 +372,12 @@ def wait_first(
     s = meeting.waits_at or 0.0
     if s < _HEADS_FOR or actor.landmarks.move_off_crosswalks(s) != s:
         return None
-    stands = compute_arrival(actor.candidate, StopCommand(s, 0.0))
     wanted = meeting.choose(_PATIENCE, rng)
-    stop = Stop("stopping_point", s, stands, stands + wanted, "waits")
+    stop = actor.build_stop(s, "waits", lasts=wanted)
     held = actor.edit(stops=(stop,))
     seen = STEP * int((held.motion.speed <= _STANDING).sum())
     stop = replace(stop, until=round(stop.until + wanted - seen, 2))
-    return actor.edit(stops=(stop,)), stands
+    return actor.edit(stops=(stop,)), stop.start
 
 
 def brake_too_late(

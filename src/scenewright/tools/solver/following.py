@@ -12,14 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import STOP_GAP
 from scenewright.scene.base import RIDERS
 from scenewright.scene.constraints import Contact, Headway, PairClause, StopsBehind
 from scenewright.scene.reaction_behavior import REACTION_TIME
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import FOR_GOOD, SolverContext, compute_excess, is_in_range
+from scenewright.tools.solver.context import SolverContext, compute_excess, is_in_range
 from scenewright.tools.solver.entry_times import build_red_light_stop
 from scenewright.tools.solver.hard_braking import (
     CLOSE_TTC,
@@ -33,7 +32,7 @@ from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import find_conflict_intervals
 from scenewright.tools.solver.path_ttc import compute_path_ttc
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_point
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
+from scenewright.tools.solver.scheduled_agent import FOR_GOOD, ScheduledAgent, get_shared_times
 
 _TRIES = 6
 """Offsets that are drawn."""
@@ -164,10 +163,7 @@ def _list_standing_leaders(
         low = max(low, (path.s[turned[0]] + b.candidate.shape.length + 2.0) / path.length)
     for share in rng.uniform(low, max(high, low + 0.05), 2):
         place = marks.move_off_crosswalks(share * path.length)
-        hold = StopCommand(place, 0.0, _SUDDEN_BRAKING)
-        start = b.enters + compute_arrival(b.candidate, hold)
-        stop = Stop("stopping_point", place, start, start + FOR_GOOD, "brakes", _SUDDEN_BRAKING)
-        yield b.edit(stops=(stop,))
+        yield b.edit(stops=(b.build_stop(place, "brakes", braking=_SUDDEN_BRAKING),))
 
 
 def plan_lead_braking(
@@ -198,9 +194,7 @@ def schedule_stops_behind(
             kind = "near" if clause.high <= _IN_TIME else "in time"
             gap, braking = (float(context.rng.uniform(*each[kind])) for each in (_GAPS, _STOPPING))
             s = a.landmarks.move_off_crosswalks(touch - gap)
-            start = a.enters + compute_arrival(a.candidate, StopCommand(s, 0.0, braking))
-            stop = Stop("stopping_point", s, start, start + FOR_GOOD, "brakes", braking)
-            follower = a.edit(stops=(stop,))
+            follower = a.edit(stops=(a.build_stop(s, "brakes", braking=braking),))
             for delta in _draw_reactions(follower, leader, context.rng):
                 scheduled = _place(clause, schedule, context, follower, leader, delta)
                 if scheduled is not None:
@@ -217,10 +211,8 @@ def _draw_leaders(
         place = b.candidate.path.length * float(rng.uniform(*_ON_ITS_WAY))
         s = b.landmarks.move_off_crosswalks(place)
         braking = float(rng.uniform(*_BRAKING))
-        start = b.enters + compute_arrival(b.candidate, StopCommand(s, 0.0, braking))
         lasts = FOR_GOOD if isinstance(clause, Contact) else float(rng.uniform(*_STANDS))
-        stop = Stop("stopping_point", s, start, start + lasts, "brakes", braking)
-        leader = b.edit(stops=(stop,))
+        leader = b.edit(stops=(b.build_stop(s, "brakes", lasts=lasts, braking=braking),))
         touch = context.find_touch(clause, s)
         if _find_onset(leader) < _LEAST_DRIVE:
             continue

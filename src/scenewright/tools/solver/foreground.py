@@ -37,11 +37,10 @@ from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.following import schedule_headways, schedule_stops_behind
 from scenewright.tools.solver.hard_braking import schedule_hard_braking
 from scenewright.tools.solver.independent_events import join_schedules, split_clauses
-from scenewright.tools.solver.overtaking import schedule_overtakings
 from scenewright.tools.solver.path_conflict import find_conflict_intervals
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
-from scenewright.tools.solver.time_gaps import schedule_time_gaps
+from scenewright.tools.solver.time_gaps import schedule_overtakings, schedule_time_gaps
 from scenewright.tools.solver.yielding import schedule_yields
 from scenewright.work_limit import count_work
 

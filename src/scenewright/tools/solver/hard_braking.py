@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from scenewright.scene.reaction_behavior import (
     sample_reaction,
 )
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.conflicts import Conflict, Draw, Response, sample_conflicts
+from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Response
 from scenewright.tools.solver.context import SolverContext, compute_excess
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
@@ -95,13 +96,8 @@ def schedule_hard_braking(
     meetings = context.find_meeting_intervals(clause, a, b)
     draws = _list_draws(clause, schedule, context, b, meetings, usual)
     pets = (0.0, _LONGEST_PET) if pet is None else (pet.low, pet.high)
-    found = sample_conflicts(
-        clause, schedule, context, (a, b), draws, judge.judge, pets=pets, second=0
-    )
-    for n, each in enumerate(found, start=1):
-        yield each
-        if n == _MOST:
-            return
+    sampler = ConflictSampler(clause, schedule, context, (a, b), judge.judge, pets, second=0)
+    yield from islice(sampler.sample(draws), _MOST)
 
 
 def _list_draws(

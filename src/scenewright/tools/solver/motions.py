@@ -13,16 +13,13 @@ from typing import Literal
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import STOP_GAP, Landmarks
 from scenewright.geometry.spline import build_even_path
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, Path
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalDemand
-from scenewright.tools.solver.context import FOR_GOOD
 from scenewright.tools.solver.encounters import follow_path, shift_aside
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
@@ -81,9 +78,9 @@ class MotionTemplate:
 def draw_pause(candidate: Candidate, landmarks: Landmarks, rng: _Rng) -> ScheduledAgent:
     """Draw where and how long the pedestrian stands still on the road, entering at time 0."""
     s = _draw_place(landmarks, rng, *_PAUSES) or 0.0
-    start = compute_arrival(candidate, StopCommand(s, 0.0))
-    stop = Stop("midway", s, start, start + float(rng.uniform(*_LASTS)), "pauses")
-    return ScheduledAgent.build_unplaced(candidate, landmarks).hold_at_lights((stop,))
+    actor = ScheduledAgent.build_unplaced(candidate, landmarks)
+    lasts = float(rng.uniform(*_LASTS))
+    return actor.hold_at_lights((actor.build_stop(s, "pauses", lasts=lasts, anchor="midway"),))
 
 
 def turn_back(
@@ -182,14 +179,13 @@ def stop_at_yellow(candidate: Candidate, landmarks: Landmarks, rng: _Rng) -> Sch
         return None
     actor, s = ScheduledAgent.build_unplaced(candidate, landmarks), landmarks.line - STOP_GAP
     braking = float(rng.uniform(*_BRAKING))
-    stands = compute_arrival(candidate, StopCommand(s, 0.0, braking))
-    if not np.isfinite(stands) or s < 0.0:
+    stop = actor.build_stop(s, "yellow", braking=braking, anchor="stop_line")
+    if not np.isfinite(stop.start) or s < 0.0:
         return None
-    stop = Stop("stop_line", s, stands, stands + FOR_GOOD, "yellow", braking)
     held = actor.edit(stops=(stop,))
     if find_braking(held) < 1.0:
         return None
-    return held.shift(round(float(rng.uniform(*_WHEN)) - stands, 1))
+    return held.shift(round(float(rng.uniform(*_WHEN)) - stop.start, 1))
 
 
 def block_junction(candidate: Candidate, landmarks: Landmarks, rng: _Rng) -> ScheduledAgent | None:
@@ -203,11 +199,9 @@ def block_junction(candidate: Candidate, landmarks: Landmarks, rng: _Rng) -> Sch
     if not free:
         return None
     s = float(rng.choice(free))
-    stands = compute_arrival(candidate, StopCommand(s, 0.0))
-    until = stands + float(rng.uniform(*_STANDS))
     actor = ScheduledAgent.build_unplaced(candidate, landmarks)
-    actor = actor.edit(stops=(Stop("stopping_point", s, stands, until, "blocks"),))
-    return actor.shift(round(float(rng.uniform(*_WHEN)) - stands, 1))
+    stop = actor.build_stop(s, "blocks", lasts=float(rng.uniform(*_STANDS)))
+    return actor.edit(stops=(stop,)).shift(round(float(rng.uniform(*_WHEN)) - stop.start, 1))
 
 
 def find_braking(actor: ScheduledAgent) -> float:

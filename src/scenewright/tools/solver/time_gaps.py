@@ -1,4 +1,5 @@
-"""`time_gap`: two agents pass a place one after the other, so far apart in time.
+"""`time_gap` and `passes_beside`: two agents pass a place so far apart in time, or abreast so far
+apart.
 
 On present courses they would touch: one responds to the threat, and the time that it loses or gains
 is why they miss; the other responds as well. Where none can, their entry times alone are apart.
@@ -11,9 +12,9 @@ from itertools import islice
 
 import numpy as np
 
-from scenewright.scene.constraints import TimeGap
+from scenewright.scene.constraints import PassesBeside, TimeGap
 from scenewright.scene.kinds import has_trait
-from scenewright.tools.solver.conflicts import Conflict, Draw, Pair, Response, sample_conflicts
+from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Pair, Response
 from scenewright.tools.solver.context import SolverContext, compute_excess, is_in_range
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
@@ -36,11 +37,17 @@ or brakes harshly."""
 _KEEPS_FIRST, _KEEPS_ON_FOOT = (0.6, 0.8), (0.4, 0.55)
 """The same for an agent that slows for a moment and still passes first; the second on foot."""
 
-_LEAST_CLEARANCE = 0.05
+_CLEAR = 0.05
 """Least clearance of two that pass without touching [m]."""
 
 _IN_TIME = 1.7
 """Time [s] within which a reaction must have ended the threat, or the other had to react, too."""
+
+_WHERE, _PLACES = (0.2, 0.6), 6
+"""Share of the overtaken one's path at which it may be, and how many places are tried."""
+
+_FASTER, _MOVING = 1.3, 1.5
+"""By how much the overtaker is faster, and how fast the other is, at the least [m/s]."""
 
 
 def schedule_time_gaps(
@@ -69,8 +76,8 @@ def schedule_time_gaps(
 
         draws = _list_draws(clause, context, (a, b), meetings, able, back=back)
         pets = clause.low, clause.high
-        found = sample_conflicts(clause, schedule, context, (a, b), draws, judge, pets=pets)
-        yield from islice(found, _MOST)
+        sampler = ConflictSampler(clause, schedule, context, (a, b), judge, pets)
+        yield from islice(sampler.sample(draws), _MOST)
         if back or not context.lenient:
             words = "no reaction of either agent brings it about"
             context.note_miss(clause, FailureStage.COMPANY, words)
@@ -80,18 +87,63 @@ def schedule_time_gaps(
         placed_a, placed_b = schedule.place(clause, a, b, delta)
         if not _is_pet_in_range(clause, meetings, placed_b.enters - placed_a.enters, context):
             continue
-        clearance, time, place = find_least_clearance(placed_a, placed_b)
-        if not all(_passes_the_pause(each, time) for each in (placed_a, placed_b)):
-            continue
-        if clearance <= _LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
-            words = "the two touch, or are not yet free for it, at every such moment"
-            context.note_miss(clause, FailureStage.COMPANY, words)
-            continue
-        event = ScheduledEvent(clause, time, time - 4.0, time + 1.0, time + 1.0, place)
-        yield schedule.add_event(event, placed_a, placed_b)
+        yield from _pass(clause, schedule, context, (placed_a, placed_b), (_CLEAR, np.inf))
     if not len(meetings):
         words = f"the paths of {clause.first} and {clause.second} never touch"
         context.note_miss(clause, FailureStage.PATHS, words)
+
+
+def schedule_overtakings(
+    clause: PassesBeside, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
+    """List every schedule (lazily) in which the first overtakes the second as the clause says."""
+    a, b = context.get_pair(clause, schedule)
+    if schedule.has_event(clause):
+        return
+    for share in context.rng.uniform(*_WHERE, _PLACES):
+        delta = _find_offset(a, b, float(share) * b.candidate.path.length)
+        if delta is None:
+            words = f"{clause.first} is not faster than {clause.second} where it would pass"
+            context.note_miss(clause, FailureStage.MEASURE, words)
+            continue
+        placed = schedule.place(clause, a, b, delta)
+        yield from _pass(clause, schedule, context, placed, (clause.low, clause.high))
+
+
+def _find_offset(a: ScheduledAgent, b: ScheduledAgent, s: float) -> float | None:
+    """Find o_b - o_a [s] at which both are abreast where b is at `s` [m]; None if a is no
+    faster."""
+    x, y, _ = b.get_pose(s)
+    path = a.candidate.path
+    abreast = float(path.s[int(np.hypot(*(path.xy - (x, y)).T).argmin())])
+    times = a.motion.find_time_at(abreast), b.motion.find_time_at(s)
+    if not np.isfinite(times).all():
+        return None
+    speeds = a.motion.find_speed_at(times[0]), b.motion.find_speed_at(times[1])
+    if speeds[1] < _MOVING or speeds[0] - speeds[1] < _FASTER:
+        return None
+    return times[0] - times[1]
+
+
+def _pass(
+    clause: TimeGap | PassesBeside,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    pair: Pair,
+    clearances: tuple[float, float],
+) -> Iterator[PartialSchedule]:
+    """Add that the two pass one another with such a least clearance [m], if they do."""
+    clearance, time, place = find_least_clearance(*pair)
+    if not all(_passes_the_pause(each, time) for each in pair):
+        return
+    if not clearances[0] <= clearance <= clearances[1]:
+        words, off = f"the two pass at {clearance:.1f} m", compute_excess(*clearances, clearance)
+        context.note_miss(clause, FailureStage.MEASURE, words, off=off)
+    elif schedule.is_too_soon(time, clause):
+        context.note_miss(clause, FailureStage.COMPANY, "the two are not yet free for it")
+    else:
+        event = ScheduledEvent(clause, time, time - 4.0, time + 1.0, time + 1.0, place)
+        yield schedule.add_event(event, *pair)
 
 
 def _list_draws(
@@ -131,7 +183,7 @@ def _judge(
     """Return the schedule with the near miss; None where the two touch or nothing was
     perceptible."""
     clearance, time, place = find_least_clearance(*pair)
-    if clearance <= _LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
+    if clearance <= _CLEAR or schedule.is_too_soon(time, clause):
         return None
     conflict = context.find_evaded_conflict(clause, *pair)
     lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
