@@ -145,7 +145,7 @@ class Prepare(Protocol):
         """Return the two as changed; `first`: at the offset drawn, not at one solved for."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class ConflictSampler:
     """Samples conflicts of a clause's two agents.
 
@@ -166,6 +166,7 @@ class ConflictSampler:
     second: int | None = None
     prepare: Prepare | None = None
     _taken: set[float] = field(default_factory=set, init=False)
+    _seed: int = field(default=0, init=False)
 
     def sample(self, draws: Iterable[Draw]) -> Iterator[PartialSchedule]:
         """List schedules (lazily) with conflicts as wanted, one a draw at most."""
@@ -178,6 +179,7 @@ class ConflictSampler:
     def settle(self, draw: Draw) -> PartialSchedule | None:
         """Find an offset at which the two respond as drawn and `judge` takes what comes of it."""
         delta, tried = draw.delta, set(self._taken)
+        self._seed = int(self.context.rng.integers(1 << 32))  # responses stay alike at all offsets
         for n in range(_STEPS):
             count_work(n % 2 == 1)  # several take as long as other steps of the search
             a, b = self.schedule.place(self.clause, *self.pair, delta)
@@ -294,7 +296,7 @@ class ConflictSampler:
         begin = 0.0 if threat is None else threat[0]
         found, late = list[_Changed](), 0
         for each in ways:
-            if begin + each.how.after > until - _TOO_LATE:
+            if self.pets is None and begin + each.how.after > until - _TOO_LATE:
                 late += 1
                 continue
             changed = self._change(k, each, pair, begin, until)
@@ -313,12 +315,12 @@ class ConflictSampler:
         of, how, kind = pair[k], response.how, pair[k].candidate.shape.type
         paths = self.context.find_path_conflict(self.clause)
         nodes = (paths.s_a[paths.i], paths.s_b[paths.j])[k]
-        onset = begin + how.after
+        onset, rng = begin + how.after, np.random.default_rng([self._seed, k])
         if has_trait("reaction", how.kind, "back"):
-            return self._step_back(of, how, float(nodes.min()), begin, until)
+            return self._step_back(of, how, float(nodes.min()), begin, until, rng)
         usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
         if response.stands:
-            return self._stop_short(pair, how.strength + usual, onset)
+            return self._stop_short(pair, how.strength + usual, onset, rng)
         least = _WEAKEST[kind] + usual
         if how.hurries:
             beyond = float(nodes.max()) + 1.0 if response.kept is None else of.candidate.path.length
@@ -330,11 +332,13 @@ class ConflictSampler:
         kept = response.kept or max(float(nodes.min()) - find_place(of, onset), 1.0)
         changed = slow_down(of, onset=onset, braking=braking, speed=speed, kept=kept)
         if changed is not None and how.swerves:
-            aside = float(self.context.rng.uniform(*ASIDE))
+            aside = float(rng.uniform(*ASIDE))
             return swerve_away(changed, of, pair[1 - k], onset=onset, meets=until, by=aside)
         return changed
 
-    def _stop_short(self, pair: Pair, braking: float, onset: float) -> ScheduledAgent | None:
+    def _stop_short(
+        self, pair: Pair, braking: float, onset: float, rng: np.random.Generator
+    ) -> ScheduledAgent | None:
         """Brake the first to a stop from `onset` [s] on, short of where the other has passed; None
         beyond."""
         a, b = pair
@@ -345,17 +349,23 @@ class ConflictSampler:
         passed = b.enters + b.motion.find_time_at(float(zone.s_b[zone.j].max()))
         if ahead < _SHORT or not np.isfinite(stop.start + passed):
             return None
-        until = passed + float(self.context.rng.uniform(*_SETS_OFF))
+        until = passed + float(rng.uniform(*_SETS_OFF))
         stop = replace(stop, until=max(until, stop.start + _STANDS), ahead=ahead)
         wanted = self.context.get_requested_pet(self.clause)
         return hold_at(a, b, stop, zone, wanted, least=_STANDS)
 
     def _step_back(
-        self, of: ScheduledAgent, how: Reaction, zone: float, begin: float, until: float
+        self,
+        of: ScheduledAgent,
+        how: Reaction,
+        zone: float,
+        begin: float,
+        until: float,
+        rng: np.random.Generator,
     ) -> ScheduledAgent | None:
         """Make the pedestrian step back with a foot or more in the other's way, which begins at
         `zone` [m]; None unless that is a reaction time after `begin` [s]."""
-        rng, hit = self.context.rng, self.pets is None
+        hit = self.pets is None
         into = float(rng.uniform(*(_DEEP if hit else _INTO)))
         at, speed = zone + into, find_speed(of, until)
         onset = of.enters + of.motion.find_time_at(at - speed**2 / (2.0 * how.strength))
