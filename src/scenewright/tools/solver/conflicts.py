@@ -20,6 +20,7 @@ import numpy as np
 from scenewright.scene.constraints import PairClause
 from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.reaction_behavior import ASIDE, REACTION_TIME, Reaction
+from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.evasions import step_back, swerve_away
@@ -27,7 +28,6 @@ from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.reactions import (
     SLOWS_FOR,
-    SMOOTHED,
     find_place,
     find_speed,
     find_threat,
@@ -67,9 +67,9 @@ _YIELDS, _HARSH, _NARROW = 0.58, 5.3, 0.44
 """Who keeps less than that share of its speed would have given way, but for braking harder than
 this [m/s^2], or a PET shorter than this [s] (SEMANTICS 4)."""
 
-_SHORT, _STANDS, _SETS_OFF = 0.4, 0.9, (0.3, 1.0)
-"""Of who stops: how far short of the other's path at least [m]; its least standstill, and how long
-after the other has passed it sets off [s]."""
+_COMES, _STANDS, _SETS_OFF = 2.0, 0.9, (0.3, 1.0)
+"""Of who brakes short of the other's path: how far it comes at least [m]; its least standstill, and
+how long after the other has passed it sets off [s]."""
 
 _INTO, _DEEP = (0.05, 0.5), (0.7, 2.2)
 """How far in the other's way a pedestrian turns round that is missed, and one that is hit [m]."""
@@ -90,13 +90,15 @@ class Response:
     Attributes:
         keeps: share of its speed that it keeps where it slows.
         kept: how far it stays slow [m]; None: until the other's path begins.
-        stands: the first stops instead, short of the other's path, until that has passed.
+        short: how far short of the other's path the first has braked, whenever that begins [m];
+            keeping nothing it stands there until the other has passed. None: it brakes when it
+            reacts.
     """
 
     how: Reaction
     keeps: float
     kept: float | None = None
-    stands: bool = False
+    short: float | None = None
 
     @property
     def gives_way(self) -> bool:
@@ -262,15 +264,20 @@ class ConflictSampler:
             both = product(self._meetings.tolist(), after.tolist())
             ranges = [(max(a, c), min(b, d)) for (a, b), (c, d) in both]
             return [(low, high) for low, high in ranges if high - low > STEP]
-        least, pets = self.pets[0], [self.pets[1]] * 2
-        for k, how in enumerate(ways):
-            if how is not None and (how.gives_way or has_trait("reaction", how.how.kind, "back")):
-                pets[k] = min(pets[k], _NARROW)
-        first, last = float(after[:, 0].min()), float(after[:, 1].max())
+        least, most = self.pets
+        backs = any(how and has_trait("reaction", how.how.kind, "back") for how in ways)
+        # Who steps back lets the other pass between where it was and where it will be.
+        met = after if backs else np.array([after[:, 0].min(), after[:, 1].max()])
+        free = np.concatenate(([-np.inf], met.ravel(), [np.inf])).reshape(-1, 2)
+        narrow = [backs or bool(how and how.gives_way) for how in ways]
+        pets = [min(most, _NARROW) if each else most for each in narrow]
         low, high = float(self._meetings[:, 0].min()), float(self._meetings[:, 1].max())
-        sides = (first - pets[0], first - least), (last + least, last + pets[1])
-        wanted = sides if self.second is None else sides[self.second : self.second + 1]
-        ranges = [(max(a, low + STEP), min(b, high - STEP)) for a, b in wanted]
+        ranges = list[tuple[float, float]]()
+        for begin, end in (free if self.second is None else free[[-self.second]]).tolist():
+            inside = max(begin + least, low + STEP), min(end - least, high - STEP)
+            # Shortly before a meeting the first passes second, shortly after one the other.
+            sides = (end - pets[0], end), (begin, begin + pets[1])
+            ranges += [(max(a, inside[0]), min(b, inside[1])) for a, b in sides]
         return [(a, b) for a, b in ranges if a <= b]
 
     def _list_ways(
@@ -316,11 +323,11 @@ class ConflictSampler:
         paths = self.context.find_path_conflict(self.clause)
         nodes = (paths.s_a[paths.i], paths.s_b[paths.j])[k]
         onset, rng = begin + how.after, np.random.default_rng([self._seed, k])
+        if response.short is not None:
+            return self._brake_short(pair, response, response.short, rng)
         if has_trait("reaction", how.kind, "back"):
             return self._step_back(of, how, float(nodes.min()), begin, until, rng)
         usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
-        if response.stands:
-            return self._stop_short(pair, how.strength + usual, onset, rng)
         least = _WEAKEST[kind] + usual
         if how.hurries:
             beyond = float(nodes.max()) + 1.0 if response.kept is None else of.candidate.path.length
@@ -336,23 +343,24 @@ class ConflictSampler:
             return swerve_away(changed, of, pair[1 - k], onset=onset, meets=until, by=aside)
         return changed
 
-    def _stop_short(
-        self, pair: Pair, braking: float, onset: float, rng: np.random.Generator
+    def _brake_short(
+        self, pair: Pair, response: Response, short: float, rng: np.random.Generator
     ) -> ScheduledAgent | None:
-        """Brake the first to a stop from `onset` [s] on, short of where the other has passed; None
-        beyond."""
-        a, b = pair
+        """Brake the first so far short of the other's path [m], to a stop until that has passed or
+        to a lower speed; None where its way begins too late."""
+        (a, b), braking = pair, response.how.strength
         zone = find_conflict_zone(self.clause, a, b, self.context)
-        s = find_place(a, onset + SMOOTHED) + find_speed(a, onset) ** 2 / (2.0 * braking)
-        ahead = float(zone.s_a[zone.i].min()) - s
-        stop = a.build_stop(s, "gives_way", braking=braking, anchor="yield_point")
+        first = float(zone.s_a[zone.i].min())
         passed = b.enters + b.motion.find_time_at(float(zone.s_b[zone.j].max()))
-        if ahead < _SHORT or not np.isfinite(stop.start + passed):
+        s, usual = first - short, float(np.interp(first, a.motion.s, a.motion.speed))
+        if s <= _COMES or not np.isfinite(passed):
             return None
-        until = passed + float(rng.uniform(*_SETS_OFF))
-        stop = replace(stop, until=max(until, stop.start + _STANDS), ahead=ahead)
+        if response.keeps > 0.0:
+            return a.edit(stops=a.stops, slowings=(Slowing(s, response.keeps * usual, braking),))
+        stop = a.build_stop(s, "gives_way", braking=braking, anchor="yield_point")
+        until = max(passed + float(rng.uniform(*_SETS_OFF)), stop.start + _STANDS)
         wanted = self.context.get_requested_pet(self.clause)
-        return hold_at(a, b, stop, zone, wanted, least=_STANDS)
+        return hold_at(a, b, replace(stop, until=until, ahead=short), zone, wanted, least=_STANDS)
 
     def _step_back(
         self,

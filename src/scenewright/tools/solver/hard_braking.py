@@ -16,7 +16,6 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import BrakesFor, TimeGap
 from scenewright.scene.reaction_behavior import (
-    PERCEPTIBLE_TTC,
     RUNS,
     Reaction,
     sample_reaction,
@@ -44,9 +43,6 @@ _ABRUPT = 0.9
 
 _KEEPS = (0.15, 0.55)
 """Share of its speed that it keeps where it does not stop."""
-
-_ONSET = (-0.25, 0.1)
-"""From the moment at which the path TTC is as asked to the braking [s], which is smoothed."""
 
 CLOSE_TTC, _CLOSE_PET = 1.42, 1.4
 """A near miss needs less than one of these [s], here with a margin (SEMANTICS 4)."""
@@ -119,10 +115,13 @@ def _list_draws(
     may = second not in schedule.actors and b.candidate.shape.type == "pedestrian"
     may &= not b.slowings and asked in (None, RUNS)
     for _ in range(_TRIES if len(meetings) else 0):
-        after = PERCEPTIBLE_TTC - rng.uniform(clause.low, clause.high) + rng.uniform(*_ONSET)
         braking = float(rng.uniform(*_DECELERATIONS)) + _ABRUPT * max(6.0 - usual, 0.0)
-        how = Reaction(reactions.ways.get(clause.first, "brakes"), float(after), braking)
-        brakes = Response(how, float(rng.uniform(*_KEEPS)), stands=bool(rng.random() < 0.5))
+        keeps = float(rng.uniform(*_KEEPS)) if rng.random() < 0.5 else 0.0
+        # It begins about the TTC asked for before the zone, as from then on that only grows.
+        short = rng.uniform(clause.low, clause.high) * usual
+        short -= usual**2 * (1.0 - keeps**2) / (2.0 * braking)
+        short = float(max(short + rng.uniform(-1.5, 2.0), rng.uniform(0.4, 1.5)))
+        brakes = Response(Reaction("brakes", 0.0, braking), keeps, short=short)
         answers: list[tuple[Response, ...]] = [()] if asked is None else []
         if may:
             runs = sample_reaction("pedestrian", rng, kind=RUNS)

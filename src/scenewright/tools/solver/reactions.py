@@ -37,7 +37,7 @@ _LASTS = 0.3
 _LOOK_BACK = 6.0
 """How long before an event a threat is looked for [s]."""
 
-SMOOTHED = 0.15
+_SMOOTHED = 0.15
 """By how much the smoothing of motion makes a braking begin earlier than it is meant to [s]."""
 
 _LEAST_TIME = 0.4
@@ -123,7 +123,7 @@ def slow_down(
 
     None where it is hardly faster than that then.
     """
-    s, before = _find_state(of, onset + SMOOTHED)
+    s, before = _find_state(of, onset + _SMOOTHED)
     if before - speed < _LEAST_TIME * braking:
         return None
     at = s + (before**2 - speed**2) / (2.0 * braking)
@@ -135,7 +135,7 @@ def run_on(
     of: ScheduledAgent, *, onset: float, acceleration: float, until: float
 ) -> ScheduledAgent | None:
     """Make the pedestrian run from a moment [s] on, up to an arc length [m]; None if it stands."""
-    s, before = _find_state(of, onset + SMOOTHED)
+    s, before = _find_state(of, onset + _SMOOTHED)
     if before < 0.6 or before > _RUNS - 0.4 or until - s < 0.5:
         return None
     law = of.candidate.time_law
