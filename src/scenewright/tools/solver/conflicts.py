@@ -168,6 +168,8 @@ class ConflictSampler:
     second: int | None = None
     prepare: Prepare | None = None
     _taken: set[float] = field(default_factory=set, init=False)
+    _faulty: set[float] = field(default_factory=set, init=False)
+    _steps: int = field(default=0, init=False)
     _seed: int = field(default=0, init=False)
 
     def sample(self, draws: Iterable[Draw]) -> Iterator[PartialSchedule]:
@@ -183,21 +185,24 @@ class ConflictSampler:
         delta, tried = draw.delta, set(self._taken)
         self._seed = int(self.context.rng.integers(1 << 32))  # responses stay alike at all offsets
         for n in range(_STEPS):
-            count_work(n % 2 == 1)  # several take as long as other steps of the search
             a, b = self.schedule.place(self.clause, *self.pair, delta)
             delta = round(b.enters - a.enters, 1)
-            unaware = find_first_contact(a, b, left_hand=self.context.left_hand)
-            if unaware is None or delta in tried:
+            if delta in tried or (n == 0 and delta in self._faulty):
                 return None
             tried.add(delta)
-            if self.prepare is not None:
+            self._steps += 1
+            count_work(self._steps % 4 == 0)  # four take as long as other steps of the search
+            unaware = find_first_contact(a, b, left_hand=self.context.left_hand)
+            if unaware is not None and self.prepare is not None:
                 prepared = self.prepare((a, b), unaware, first=n == 0)
                 if prepared is None:
-                    return None
-                if prepared != (a, b):
+                    unaware = None
+                elif prepared != (a, b):
                     a, b = prepared
                     unaware = find_first_contact(a, b, left_hand=self.context.left_hand)
             if unaware is None:
+                if n == 0:
+                    self._faulty.add(delta)
                 return None
             found, other = self._respond(draw, (a, b), unaware)
             if found is not None:
