@@ -14,7 +14,7 @@ from scenewright.intersections import load_map
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.grounding import RoleAssignment
 from scenewright.tools.dsl_validator.parse import parse
-from scenewright.tools.solver.combinations import enumerate_best_first
+from scenewright.tools.solver.min_cost_search import enumerate_best_first
 from scenewright.tools.solver.select import select
 from solver_agents import SOUTH, SOUTHBOUND, WEST, WESTBOUND, candidate, draws, law, straight
 

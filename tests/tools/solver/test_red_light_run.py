@@ -9,10 +9,10 @@ import pytest
 
 from scenewright.scene.constraints import Contact, GivesWay, Headway
 from scenewright.scene.selection import Stop
-from scenewright.tools.solver.foreground import list_signal_demands
-from scenewright.tools.solver.red_light_run import (
+from scenewright.tools.solver.red_lights import (
     add_red_light_runners,
     compute_line_time,
+    list_signal_demands,
     runs_in_time,
 )
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent

@@ -15,8 +15,8 @@ from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalClock, find_feasible_offsets
 from scenewright.tools.solver.context import SolverContext
-from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands
-from scenewright.tools.solver.red_light_start import draw_red_light_starts
+from scenewright.tools.solver.foreground import ForegroundSolver
+from scenewright.tools.solver.red_lights import draw_red_light_starts, list_signal_demands
 from scenewright.tools.solver.schedule import PartialSchedule
 from solver_agents import BARE, CAR, EAST, SOUTH, WESTBOUND, candidate, straight, walker
 

@@ -2,80 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
-from itertools import islice
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenewright.scene.base import RIDERS
 from scenewright.scene.constraints import Contact
 from scenewright.scene.kinds import find_kind, has_trait, load_function
-from scenewright.scene.reaction_behavior import Reaction
+from scenewright.scene.reaction_behavior import REACTION_TIME, RUNS, Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
+from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Pair, Response
 from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.following import (
+    TURNED,
+    compute_passing_time,
+    plan_lead_braking,
+    plan_rear_ends,
+)
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
-from scenewright.tools.solver.reacted_collision import (
-    IN_VAIN,
-    draw_braking_to,
-    draw_later,
-    measure_warning,
-    react_in_vain,
-    solve_offsets,
-)
-from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
-from scenewright.tools.solver.rear_end import (
-    TURNED,
-    compute_passing_time,
-    plan_rear_ends,
+from scenewright.tools.solver.reactions import (
+    SEEN_BEFORE,
+    find_place,
+    find_speed,
+    find_threat,
+    sees,
 )
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
-from scenewright.tools.solver.stepping_back import (
-    find_one_stepping_back,
-    schedule_struck_steps_back,
-)
-from scenewright.work_limit import count_work
 
-_TRIES, _ROUNDS, _PROMPT = 6, 5, 2
-"""Offsets that are drawn; rounds in which some are solved for at which both may react; and of these
-the first ones, in which neither reacts long before."""
+_TRIES, _ROUNDS, _PROMPT, _MANY = 6, 4, 2, 20
+"""Offsets that are drawn; rounds of reactions to each, the first of which prompt ones; and offsets
+so many that one round is enough."""
 
-_MOST_STEPS = 3
-"""Schedules with a step back that are offered."""
+_WAYS = ((1.0, 0.0), (0.7, 0.0), (0.45, 0.0), (1.0, 0.65), (0.6, 0.75))
+_WAYS_ON_FOOT = ((1.0, 0.0), (0.6, 0.0), (1.0, 0.5))
+"""Share of the strength drawn, and of its speed that who reacts keeps."""
 
 _SMOOTHED = 0.4
 """How much smoothing keeps a short slowing above its speed [m/s]."""
 
-_LATE = (0.4, 0.7)
-"""Share of the speed left at the impact when braking late."""
+_LATE, _BRAKES_LATE = (0.4, 0.7), (4.0, 6.0)
+"""Share of the speed left at the impact when braking late; and braking [m/s^2]."""
+
+_DRAWS, _BRAKINGS = 5, (1.0, 7.6)
+"""Reaction times that are drawn for a braking down to a speed, and that braking [m/s^2]."""
 
 _SPEED_OFF = 0.4
 """How far the speed at impact may lie from the one asked for [m/s]."""
 
+IN_VAIN = 3.0
+"""Two that both have reacted for longer than this before they touch [s] had time to avoid it."""
 
-_Failed = tuple[ScheduledAgent, ScheduledAgent, FirstContact]
-"""Two that would touch, but not if both reacted."""
+_FREEZES, _STILL = 1.2, 0.32
+"""Longest standstill of a pedestrian before it is struck [s]: who stands longer has stopped; and
+the speed below which it stands [m/s]."""
 
-
-@dataclass(frozen=True)
-class _Trial:
-    """An offset o_b - o_a [s] to try, and how the two react.
-
-    Attributes:
-        both: all that perceive the other react; else one of them suffices.
-        within: longest time from the later reaction to their contact [s].
-        solved: for those reactions: how they would touch without them does not matter.
-    """
-
-    delta: float
-    drawn: tuple[Reaction, Reaction]
-    both: bool
-    within: float = np.inf
-    solved: bool = False
+_GONE_BACK = 0.35
+"""How far who steps back has gone back at least when it is hit [m]."""
 
 
 def schedule_contacts(
@@ -89,35 +76,46 @@ def schedule_contacts(
     a, b = context.get_pair(clause, schedule)
     if context.refuse_after_collision(clause, a, b):
         return
-    back = find_one_stepping_back(clause, context)
-    if back is not None:
-        wanted = _make_test(clause, context.find_striker(clause), strict=True)
-        hits = schedule_struck_steps_back(clause, schedule, context, (a, b), back, wanted)
-        yield from islice(hits, _MOST_STEPS)
+    if clause.kind == "rear_end":
+        for follower, leader, deltas in plan_rear_ends(a, b, clause, context):
+            yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
         return
-    if clause.kind != "rear_end":
-        meetings = context.find_meeting_intervals(clause, a, b)
-        if not len(meetings):
-            words = f"the paths of {clause.first} and {clause.second} never touch"
-            context.note_miss(clause, FailureStage.PATHS, words)
-        some = _draw_offsets_inside(clause, meetings, context)
-        turned_round = yield from schedule_offsets(clause, schedule, context, (a, b), some)
-        if turned_round:
-            # Which one strikes depends on 0.1 s where one is short, such as a motorcycle.
-            every = _draw_offsets_everywhere(meetings, context)
-            failed = yield from schedule_offsets(clause, schedule, context, (a, b), every)
-            if failed and context.find_striker(clause) is None and not _needs_striker(clause):
-                yield from schedule_offsets(clause, schedule, context, (a, b), some, strict=False)
-        return
-    for follower, leader, deltas in plan_rear_ends(a, b, clause, context):
-        yield from schedule_offsets(clause, schedule, context, (follower, leader), deltas)
+    meetings = context.find_meeting_intervals(clause, a, b)
+    if not len(meetings):
+        words = f"the paths of {clause.first} and {clause.second} never touch"
+        context.note_miss(clause, FailureStage.PATHS, words)
+    some, every = (draw(meetings, context) for draw in (_draw_inside, _draw_everywhere))
+    ways = [context.reactions.ways.get(name) for name in get_pair(clause)]
+    points = clause.point_first or clause.point_second or context.wants_impact_point(clause)
+    if points or any(has_trait("reaction", each, "back") for each in ways):
+        some = every
+    # Which one strikes depends on 0.1 s where one is short, such as a motorcycle.
+    passes = [(some, True), (every, True)]
+    if context.find_striker(clause) is None and not _needs_striker(clause):
+        passes.append((some, False))
+    for deltas, strict in passes:
+        turned_round = yield from _schedule_offsets(
+            clause, schedule, context, (a, b), deltas, strict=strict
+        )
+        if not turned_round:
+            return
 
 
-def schedule_offsets(
+def schedule_lead_braking(
+    clause: Contact, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
+    """List every schedule (lazily) in which the first hits the second, which brakes ahead of it."""
+    a, b = context.get_pair(clause, schedule)
+    if not context.refuse_after_collision(clause, a, b):
+        for follower, leader, deltas in plan_lead_braking(a, b, clause, context):
+            yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
+
+
+def _schedule_offsets(
     clause: Contact,
     schedule: PartialSchedule,
     context: SolverContext,
-    pair: tuple[ScheduledAgent, ScheduledAgent],
+    pair: Pair,
     deltas: list[float],
     *,
     strict: bool = True,
@@ -127,217 +125,203 @@ def schedule_offsets(
     Args:
         strict: the clause's first agent strikes, also where either may.
     """
-    striker = context.find_striker(clause)
-    is_wanted = _make_test(clause, striker, strict=strict)
-    scheduled = turned_round = False
-    # Drawn once: a new draw for every offset would favour slow ones, as those collide.
-    one, two = get_pair(clause)
-    drawn = (
-        context.reactions.draw(one, pair[0], context.rng),
-        context.reactions.draw(two, pair[1], context.rng),
-    )
-    taken, failed = set[float](), list[_Failed]()
-    tried = 0
-    for trial in _list_trials(clause, context, deltas, drawn, failed):
-        both, delta = trial.both, trial.delta
-        if delta in taken:
-            continue
-        a, b = schedule.place(clause, *pair, delta)
-        found = find_first_contact(a, b, left_hand=context.left_hand)
-        if found is not None and clause.speed is not None and not a.slowings:
-            a, found = _brake_to_impact_speed(clause, a, b, found, context)
-        if found is None:
-            continue
-        tried += 1
-        count_work(tried % 4 == 0)  # four of them take as long as other steps of the search
-        fault = _find_fault(found, clause, a, striker, strict=strict)
-        if fault is not None and not trial.solved:
-            reached, words, off = fault
-            context.note_miss(clause, reached, words, off=off)
-            turned_round |= reached is FailureStage.ROLES
-            continue
-        if not _is_in_time(found, clause, b, schedule, context):
-            continue
-        a, found = _brake_in_last_moment(clause, a, b, found, context)
-        if has_trait("cause", clause.cause, "late") and not a.slowings:
-            words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
-            context.note_miss(clause, FailureStage.COMPANY, words)
-            continue
-        reacted = react_in_vain(
-            clause, context, (a, b), trial.drawn, found, is_wanted, both=both, within=trial.within
-        )
-        if reacted is None and both:
-            failed.append((a, b, found))
-        if (reacted is None and both) or (reacted is not None and not is_wanted(*reacted)):
-            continue
-        if reacted is None and not context.lenient:
-            words = f"{clause.first} and {clause.second} would not touch so if they reacted"
-            context.note_miss(clause, FailureStage.COMPANY, words)
-            continue
+    judge = _Judge(clause, schedule, context, strict)
+    draws = _list_draws(clause, context, pair, deltas)
+    scheduled = False
+    sampler = ConflictSampler(clause, schedule, context, pair, judge.judge, prepare=judge.prepare)
+    for found in sampler.sample(draws):
         scheduled = True
-        taken.add(delta)
-        yield _add_contact(clause, schedule, context, (a, b, found), reacted or (a, b, found))
-    return turned_round and not scheduled
+        yield found
+    return judge.turned_round and not scheduled
 
 
-def _add_contact(
-    clause: Contact,
-    schedule: PartialSchedule,
-    context: SolverContext,
-    unaware: _Failed,
-    reacted: _Failed,
-) -> PartialSchedule:
-    """The schedule with the contact of two as they react to one another.
+def _list_draws(
+    clause: Contact, context: SolverContext, pair: Pair, deltas: list[float]
+) -> Iterator[Draw]:
+    """List what to try at each offset: both respond; later ones, as of those who collide more
+    respond late; one of them does; last, neither."""
+    asked = [context.reactions.ways.get(name) for name in get_pair(clause)]
 
-    Args:
-        unaware: the two and their contact if neither reacted, which says when the threat begins.
-    """
-    a, b, found = unaware
-    threat = find_threat(context.find_path_conflict(clause), a, b, until=found.time)
-    a, b, found = reacted
-    time = found.time
-    begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
-    event = ScheduledEvent(clause, time, begins, time, time, found.location)
-    return schedule.add_event(event, a.end_at(time), b.end_at(time))
+    def draw() -> list[Reaction]:
+        both = zip(get_pair(clause), pair, strict=True)
+        return [context.reactions.draw(name, of, context.rng) for name, of in both]
 
-
-def _list_trials(
-    clause: Contact,
-    context: SolverContext,
-    deltas: list[float],
-    drawn: tuple[Reaction, Reaction],
-    failed: list[_Failed],
-) -> Iterator[_Trial]:
-    """List what to try: both react, or, last, at least one of them.
-
-    Args:
-        failed: gets those at which both cannot, from which others are solved for: with the
-            reactions drawn, then with later ones.
-    """
-    yield from (_Trial(delta, drawn, both=True, within=IN_VAIN) for delta in deltas)
-    reactions = drawn
-    for n in range(_ROUNDS if failed else 0):
-        within = IN_VAIN if n < _PROMPT else np.inf
-        a, b, found = min(failed, key=lambda each: measure_warning(clause, context, *each))
-        solved = solve_offsets(clause, context, (a, b), reactions, found)
-        yield from (_Trial(delta, reactions, True, within, solved=True) for delta in solved)
-        names, (one, two) = get_pair(clause), reactions
-        reactions = draw_later(names[0], one, a, context), draw_later(names[1], two, b, context)
-    yield from (_Trial(delta, drawn, both=False) for delta in deltas)
+    drawn = draw()
+    for n in range(_ROUNDS if len(deltas) <= _MANY else 1):
+        # Drawn once a round: a new draw for every offset would favour slow ones.
+        ways = (_vary(drawn[0], pair[0], asked[0]), _vary(drawn[1], pair[1], asked[1]))
+        yield from (Draw(delta, ways, IN_VAIN if n < _PROMPT else np.inf) for delta in deltas)
+        drawn = [
+            replace(new, after=max(new.after, old.after))
+            for new, old in zip(draw(), drawn, strict=True)
+        ]
+    for alone in ((ways[0], ()), ((), ways[1]), ((), ())):
+        ignored = any(must and not way for way, must in zip(alone, asked, strict=True))
+        if not ignored and (any(alone) or context.lenient):
+            yield from (Draw(delta, alone) for delta in deltas)
 
 
-def _draw_offsets_inside(
-    clause: Contact, meetings: Intervals, context: SolverContext
-) -> list[float]:
-    """Draw offsets inside the intervals, those near the middle first more often.
+def _vary(drawn: Reaction, of: ScheduledAgent, asked: str | None) -> tuple[Response, ...]:
+    """List the reaction as drawn, then weaker ones, as that may be why they touch; then, on foot
+    and unasked, the other way to react."""
+    away = of.candidate.path.length
+    if has_trait("reaction", drawn.kind, "back"):
+        return (Response(drawn, 0.0),)
+    kinds = [drawn.kind]
+    if of.candidate.shape.type == "pedestrian" and asked is None:
+        kinds.append("stops" if drawn.hurries else RUNS)
+    ways = _WAYS_ON_FOOT if of.candidate.shape.type == "pedestrian" else _WAYS
+    return tuple(
+        Response(replace(drawn, kind=kind, strength=share * drawn.strength), keeps, away)
+        for kind in kinds
+        for share, keeps in ways
+    )
 
-    Where the vehicles strike follows from the offset, so a point asked for has all of them tried.
-    """
+
+def _draw_inside(meetings: Intervals, context: SolverContext) -> list[float]:
+    """Draw offsets inside the intervals, those near the middle first more often."""
     rng = context.rng
-    if clause.point_first or clause.point_second or context.wants_impact_point(clause):
-        return _draw_offsets_everywhere(meetings, context)
     share = 0.5 + 0.45 * np.sort(rng.uniform(-1, 1, _TRIES))[np.argsort(rng.random(_TRIES))]
     return [float(low + (high - low) * x) for low, high in meetings for x in share]
 
 
-def _draw_offsets_everywhere(meetings: Intervals, context: SolverContext) -> list[float]:
-    """Draw offsets all over the intervals, in any order."""
+def _draw_everywhere(meetings: Intervals, context: SolverContext) -> list[float]:
+    """Draw offsets all over the intervals, in any order: where one strikes follows from them."""
     every = [np.arange(low, high, STEP) for low, high in meetings]
     return context.rng.permutation(np.concatenate(every)).tolist() if every else []
 
 
-def _is_in_time(
-    found: FirstContact,
-    clause: Contact,
-    b: ScheduledAgent,
-    schedule: PartialSchedule,
-    context: SolverContext,
-) -> bool:
-    """Return whether the contact comes after earlier events of its agents, and note if it does not.
+@dataclass
+class _Judge:
+    """Whether contacts of the clause's two agents are as asked.
 
-    A leader that gives way is hit where it stands, once the other has passed.
+    Attributes:
+        strict: the clause's first agent strikes, also where either may.
+        turned_round: some contact was as asked but for the striking agent.
     """
-    if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
-        busy, latest = schedule.find_busy_end(clause.first), b.stops[-1].until + 0.2
-        earliest = max(busy + 0.5, compute_passing_time(b))
-    else:
-        busy, latest = max(map(schedule.find_busy_end, get_pair(clause))), float("inf")
-        earliest = busy + 0.5
-    if earliest <= found.time <= latest:
-        return True
-    late = earliest - found.time
-    words = f"it would come {late:.1f} s before {clause.first} and {clause.second} are free for it"
-    if late < 0.0:
-        words = f"it would come {found.time - latest:.1f} s after {clause.second} has gone on"
-    context.note_miss(clause, FailureStage.COMPANY, words, off=abs(late))
-    return False
+
+    clause: Contact
+    schedule: PartialSchedule
+    context: SolverContext
+    strict: bool
+    turned_round: bool = False
+
+    def prepare(self, pair: Pair, found: FirstContact, *, first: bool) -> Pair | None:
+        """Brake the striking vehicle, placed, as asked; None if the contact cannot be as asked.
+
+        Args:
+            first: with the offset drawn, not with one solved for.
+        """
+        (a, b), clause = pair, self.clause
+        again: FirstContact | None = found
+        speed = clause.speed
+        slower = speed is not None and found.speed >= speed + _SMOOTHED
+        if speed and slower and not a.slowings and a.candidate.shape.type not in RIDERS:
+            # It reacts to the other, where the reaction time leaves as much braking as that takes.
+            aim = max(speed - _SMOOTHED, 0.5)
+            a, again = self._brake_late(pair, found, aim, self._draw_braking(pair, found, aim))
+        if again is None or (first and self._has_fault(again, a)):
+            return None
+        if not self._is_in_time(again, b):
+            return None
+        if has_trait("cause", clause.cause, "late") and not a.slowings:
+            aim = again.speed * float(self.context.rng.uniform(*_LATE))
+            a, later = self._brake_late((a, b), again, aim, None)
+            if later is None or self._has_fault(later, a) or abs(later.time - again.time) > 0.6:
+                words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
+                self.context.note_miss(clause, FailureStage.COMPANY, words)
+                return None
+        return a, b
+
+    def judge(self, conflict: Conflict) -> PartialSchedule | None:
+        """Return the schedule with the contact of the two; None if it is not as asked."""
+        (a, b), clause = conflict.pair, self.clause
+        found = find_first_contact(a, b, left_hand=self.context.left_hand)
+        if found is None or found.time > conflict.latest or self._has_fault(found, a):
+            return None
+        if any(_has_stopped(of, found.time) or not _is_back(of, found.time) for of in (a, b)):
+            return None
+        if self.schedule.is_too_soon(found.time, clause) and clause.kind != "rear_end":
+            return None
+        time = found.time
+        seen = time if conflict.threat is None else conflict.threat[0] - SEEN_BEFORE
+        event = ScheduledEvent(clause, time, min(time - 3.0, seen), time, time, found.location)
+        return self.schedule.add_event(event, a.end_at(time), b.end_at(time))
+
+    def _has_fault(self, found: FirstContact, a: ScheduledAgent) -> bool:
+        striker = self.context.find_striker(self.clause)
+        fault = _find_fault(found, self.clause, a, striker, strict=self.strict)
+        if fault is not None:
+            reached, words, off = fault
+            self.context.note_miss(self.clause, reached, words, off=off)
+            self.turned_round |= reached is FailureStage.ROLES
+        return fault is not None
+
+    def _is_in_time(self, found: FirstContact, b: ScheduledAgent) -> bool:
+        """Return whether the contact comes after earlier events of its agents; else note it.
+
+        A leader that gives way is hit where it stands, once the other has passed.
+        """
+        clause, schedule = self.clause, self.schedule
+        if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
+            busy, latest = schedule.find_busy_end(clause.first), b.stops[-1].until + 0.2
+            earliest = max(busy + 0.5, compute_passing_time(b))
+        else:
+            busy, latest = max(map(schedule.find_busy_end, get_pair(clause))), float("inf")
+            earliest = busy + 0.5
+        if earliest <= found.time <= latest:
+            return True
+        late, pair = earliest - found.time, f"{clause.first} and {clause.second}"
+        words = f"it would come {late:.1f} s before {pair} are free for it"
+        if late < 0.0:
+            words = f"it would come {found.time - latest:.1f} s after {clause.second} has gone on"
+        self.context.note_miss(clause, FailureStage.COMPANY, words, off=abs(late))
+        return False
+
+    def _brake_late(
+        self, pair: Pair, found: FirstContact, speed: float, braking: float | None
+    ) -> tuple[ScheduledAgent, FirstContact | None]:
+        """Return the first braking to `speed` where it would have touched, and its contact then."""
+        a, b = pair
+        at = float(a.motion.compute_positions(np.array([found.time - a.enters]))[0])
+        slow = Slowing(at, speed, braking or float(self.context.rng.uniform(*_BRAKES_LATE)))
+        braked = a.edit(stops=a.stops, slowings=(slow,))
+        return braked, find_first_contact(braked, b, left_hand=self.context.left_hand)
+
+    def _draw_braking(self, pair: Pair, found: FirstContact, speed: float) -> float | None:
+        """Draw a braking [m/s^2], a reaction time after the threat, that leaves this speed at the
+        contact [m/s]; None if none does."""
+        (a, b), clause, context = pair, self.clause, self.context
+        lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
+        conflict = context.find_path_conflict(clause)
+        threat = find_threat(conflict, a, b, until=found.time, lead=lead)
+        if threat is None or not context.reactions.may_react(clause.first):
+            return None
+        if not sees(a, b, threat[0]):
+            return None
+        there = find_place(a, found.time)
+        for _ in range(_DRAWS):
+            onset = threat[0] + REACTION_TIME.sample(context.rng)
+            here, before = find_place(a, onset), find_speed(a, onset)
+            braking = (before**2 - speed**2) / (2.0 * max(there - here, 1e-3))
+            if there > here and _BRAKINGS[0] <= braking <= _BRAKINGS[1]:
+                return float(braking)
+        return None
 
 
-def _brake_in_last_moment(
-    clause: Contact,
-    a: ScheduledAgent,
-    b: ScheduledAgent,
-    found: FirstContact,
-    context: SolverContext,
-) -> tuple[ScheduledAgent, FirstContact]:
-    """Make the striking vehicle brake hard in the last moment where that is asked for."""
-    asked = has_trait("cause", clause.cause, "late")
-    if a.candidate.shape.type != "vehicle" or a.slowings or not asked:
-        return a, found
-    speed = found.speed * float(context.rng.uniform(*_LATE))
-    braked, again = _brake_late(a, b, found, speed, context)
-    if (
-        again is None
-        or _find_fault(again, clause, a, context.find_striker(clause)) is not None
-        or abs(again.time - found.time) > 0.6
-    ):
-        return a, found
-    return braked, again
+def _is_back(of: ScheduledAgent, time: float) -> bool:
+    """Return whether who steps back, if it does, has done so by a time [s]."""
+    steps = of.candidate.shape.type == "pedestrian" and of.candidate.unevaded is not None
+    return not steps or find_place(of, time) > of.slowings[-3].s + _GONE_BACK
 
 
-def _brake_to_impact_speed(
-    clause: Contact,
-    a: ScheduledAgent,
-    b: ScheduledAgent,
-    found: FirstContact,
-    context: SolverContext,
-) -> tuple[ScheduledAgent, FirstContact | None]:
-    """Brake the striking vehicle to the speed asked for, if it would be faster.
-
-    It reacts to the other, where the reaction time leaves as much braking as that takes.
-    """
-    speed = clause.speed or 0.0
-    if found.speed < speed + _SMOOTHED or a.candidate.shape.type in RIDERS:
-        return a, found
-    aim = max(speed - _SMOOTHED, 0.5)
-    braking = draw_braking_to(clause, context, (a, b), found, aim)
-    return _brake_late(a, b, found, aim, context, braking)
-
-
-def _brake_late(
-    a: ScheduledAgent,
-    b: ScheduledAgent,
-    found: FirstContact,
-    speed: float,
-    context: SolverContext,
-    braking: float | None = None,
-) -> tuple[ScheduledAgent, FirstContact | None]:
-    """Return `a` braking late to `speed` where it would have touched, and its contact then."""
-    at = float(a.motion.compute_positions(np.array([found.time - a.enters]))[0])
-    slow = Slowing(at, speed, braking or float(context.rng.uniform(4.0, 6.0)))
-    braked = a.edit(stops=a.stops, slowings=(slow,))
-    return braked, find_first_contact(braked, b, left_hand=context.left_hand)
-
-
-def _make_test(
-    clause: Contact, striker: int | None, *, strict: bool
-) -> Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool]:
-    """Build a test of whether the contact of two placed agents is the one asked for."""
-
-    def is_wanted(a: ScheduledAgent, _b: ScheduledAgent, found: FirstContact) -> bool:
-        return _find_fault(found, clause, a, striker, strict=strict) is None
-
-    return is_wanted
+def _has_stopped(of: ScheduledAgent, time: float) -> bool:
+    """Return whether a pedestrian has stood for long at a time [s], rather than frozen."""
+    if of.candidate.shape.type != "pedestrian":
+        return False
+    last = round((time - of.enters) / STEP)
+    recent = of.motion.speed[max(last - round(_FREEZES / STEP), 0) : last]
+    return bool(len(recent) and recent.max() <= _STILL)
 
 
 def _find_fault(

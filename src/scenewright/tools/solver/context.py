@@ -30,9 +30,6 @@ QUEUED_BEHIND = 1.5
 APART = (-9.0, 9.0)
 """How much later than others a pair or group without earlier events comes [s]."""
 
-FOR_GOOD = 60.0
-"""How long who stands for good does [s]: longer than any scene."""
-
 SPACING = {"vehicle": 0.25, "pedestrian": 0.12}
 """Distance between nodes of a path [m] where a PET is measured."""
 

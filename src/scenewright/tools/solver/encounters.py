@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path
@@ -21,13 +20,12 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, sample_evenly
 from scenewright.scene.kinds import get_kind, has_trait, load_function
 from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord, name_door
-from scenewright.scene.selection import Slowing, Stop
+from scenewright.scene.selection import Slowing
 from scenewright.scene.social import Encounter, ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.object_places import Side, find_places
-from scenewright.tools.solver.context import FOR_GOOD
 from scenewright.tools.solver.objects import is_in_way, make_sweep
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import FOR_GOOD, ScheduledAgent
 
 _ASIDE = (0.5, 1.0)
 """Distance from an object when passing it [m]."""
@@ -41,11 +39,8 @@ _SHARPEST = 0.12
 _HEADS_FOR = 5.0
 """Least distance straight towards an object before the agent moves aside [m]."""
 
-_GAP = (1.2, 3.0)
-"""How far behind an object, or behind one another, who waits stands [m]."""
-
-_SHORT, _HARD = (0.4, 1.1), (5.5, 7.0)
-"""How far from an object who stops short of it stands [m], and how hard it brakes [m/s^2]."""
+_FARTHEST = 3.0
+"""Farthest that who is moved off a crosswalk waits behind an object [m]."""
 
 _PULLS_OUT, _SHARPEST_START = (8.5, 10.0), 0.19
 """Way on which who has waited moves over [m], and its sharpest bend [1/m]."""
@@ -325,31 +320,29 @@ _Timed = tuple[ScheduledAgent, float] | None
 """An agent with what it does about the object, and the time there [s]; None if it cannot."""
 
 
-def wait_behind(
-    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
-) -> _Timed:
-    """Stop it behind the object, for good."""
-    return _wait(actor, meeting.touch, meeting.choose(_GAP, rng))
-
-
-def queue_behind(
+def stand_behind(
     actor: ScheduledAgent,
     meeting: ObjectEncounter,
     rng: np.random.Generator,
     earlier: Earlier | None,
 ) -> _Timed:
-    """Stop it behind the agent that stands at the object."""
-    standing = None if earlier is None else earlier.standing
-    touch = None if standing is None else _find_touch(meeting.candidate, standing)
-    return None if touch is None else _wait(actor, touch, meeting.choose(_GAP, rng))
-
-
-def stop_short(
-    actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
-) -> _Timed:
-    """Brake it hard to a stop just short of the object."""
-    braking = float(rng.uniform(*_HARD))
-    return _wait(actor, meeting.touch, meeting.choose(_SHORT, rng), braking)
+    """Stop it behind the object, or the agent that stands there, for good; off crosswalks, unless
+    it brakes hard."""
+    kind, touch = get_kind("encounter", str(meeting.how)), meeting.touch
+    if "behind_agent" in kind.traits:
+        standing = None if earlier is None else earlier.standing
+        found = None if standing is None else _find_touch(meeting.candidate, standing)
+        if found is None:
+            return None
+        touch = found
+    hard = kind.ranges.get("braking")
+    braking = None if hard is None else float(rng.uniform(*hard))
+    wanted = touch - meeting.choose(kind.ranges["gap"], rng)
+    s = wanted if braking else actor.landmarks.move_off_crosswalks(wanted)
+    if s < min(wanted, touch - _FARTHEST) or s < _HEADS_FOR:
+        return None
+    stop = actor.build_stop(s, "waits", braking=braking)
+    return (actor.edit(stops=(stop,)), stop.start) if np.isfinite(stop.start) else None
 
 
 def go_round(
@@ -372,19 +365,6 @@ def ride_into_door(
     return (actor.end_at(touches), touches) if np.isfinite(touches) else None
 
 
-def _wait(actor: ScheduledAgent, touch: float, gap: float, braking: float | None = None) -> _Timed:
-    """Stop it so far behind, for good; off crosswalks, unless it brakes hard."""
-    wanted = touch - gap
-    s = wanted if braking else actor.landmarks.move_off_crosswalks(wanted)
-    if s < min(wanted, touch - _GAP[1]) or s < _HEADS_FOR:
-        return None
-    stands = compute_arrival(actor.candidate, StopCommand(s, 0.0, braking))
-    if not np.isfinite(stands):
-        return None
-    stop = Stop("stopping_point", s, stands, stands + FOR_GOOD, "waits", braking)
-    return actor.edit(stops=(stop,)), stands
-
-
 def wait_first(
     actor: ScheduledAgent, meeting: ObjectEncounter, rng: np.random.Generator, _: Earlier | None
 ) -> _Timed:
@@ -392,13 +372,12 @@ def wait_first(
     s = meeting.waits_at or 0.0
     if s < _HEADS_FOR or actor.landmarks.move_off_crosswalks(s) != s:
         return None
-    stands = compute_arrival(actor.candidate, StopCommand(s, 0.0))
     wanted = meeting.choose(_PATIENCE, rng)
-    stop = Stop("stopping_point", s, stands, stands + wanted, "waits")
+    stop = actor.build_stop(s, "waits", lasts=wanted)
     held = actor.edit(stops=(stop,))
     seen = STEP * int((held.motion.speed <= _STANDING).sum())
     stop = replace(stop, until=round(stop.until + wanted - seen, 2))
-    return actor.edit(stops=(stop,)), stands
+    return actor.edit(stops=(stop,)), stop.start
 
 
 def brake_too_late(

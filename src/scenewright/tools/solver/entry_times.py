@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
 from scenewright.geometry.driving_profile import (
-    StopCommand,
     compute_arc_lengths,
-    compute_arrival,
     compute_squared_speed_limit,
     find_time_at_place,
 )
@@ -87,8 +85,7 @@ class SceneTiming:
 def build_red_light_stop(actor: ScheduledAgent, s: float) -> Stop:
     """Build its stop at `s` [m], before its light, until the moment in which it begins."""
     anchor = "kerb" if actor.candidate.route.type == "pedestrian" else "stop_line"
-    start = actor.enters + compute_arrival(actor.candidate, StopCommand(s, 0.0))
-    return Stop(anchor, s, start, start, "red_light")
+    return actor.build_stop(s, "red_light", lasts=0.0, anchor=anchor)
 
 
 def list_greens(actor: ScheduledAgent, moment: SceneTiming) -> Greens:

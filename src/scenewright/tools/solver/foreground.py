@@ -21,8 +21,6 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import Any
 
-import numpy as np
-
 from scenewright.scene.constraints import (
     BrakesFor,
     Contact,
@@ -34,27 +32,20 @@ from scenewright.scene.constraints import (
     TimeGap,
 )
 from scenewright.scene.kinds import has_trait
-from scenewright.scene.selection import Stop
-from scenewright.tools.map_grounding.signal_plan import SignalDemand
 from scenewright.tools.solver.contact import schedule_contacts
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
-from scenewright.tools.solver.entry_times import START_LAG
+from scenewright.tools.solver.following import schedule_headways, schedule_stops_behind
 from scenewright.tools.solver.hard_braking import schedule_hard_braking
 from scenewright.tools.solver.independent_events import join_schedules, split_clauses
-from scenewright.tools.solver.lead_braking import schedule_stops_behind
-from scenewright.tools.solver.overtaking import schedule_overtakings
 from scenewright.tools.solver.path_conflict import find_conflict_intervals
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
-from scenewright.tools.solver.time_gaps import schedule_headways, schedule_time_gaps
+from scenewright.tools.solver.time_gaps import schedule_overtakings, schedule_time_gaps
 from scenewright.tools.solver.yielding import schedule_yields
 from scenewright.work_limit import count_work
 
 _CLEARLY = 0.2
 """How much earlier [s] the first agent in the zone of a collision must be there."""
-
-_SLOWS = 5.5
-"""How long before a stop [s] the light must not explain it."""
 
 
 _Scheduler = Callable[[Any, PartialSchedule, SolverContext], Iterator[PartialSchedule]]
@@ -141,44 +132,3 @@ def passes_first(first: ScheduledAgent, second: ScheduledAgent) -> bool:
     meetings = find_conflict_intervals(pair, first.motion, second.motion, c=0.0, exact=True)
     delta = second.enters - first.enters
     return bool(len(meetings) and delta >= meetings[:, 1].max())
-
-
-_YELLOW = 0.7
-"""Least time since a light turned yellow for an agent that passes it then [s]."""
-
-
-def list_signal_demands(
-    actor: ScheduledAgent, *, violates: bool, until: float, yellow: bool = False
-) -> tuple[SignalDemand, ...]:
-    """List what the signal plan must show for this agent: to obey it, or to run its light."""
-    line, group = actor.landmarks.line, actor.landmarks.group
-    if line is None or group is None:
-        return ()
-    found = [_demand_red(stop, actor, group, until) for stop in actor.stops if stop.at_red]
-    crosses = actor.enters + actor.motion.find_time_at(line)
-    if not np.isfinite(crosses) or crosses > until or crosses < -25.0:
-        return tuple(found)
-    if yellow:
-        return (*found, SignalDemand(group, crosses - _YELLOW, crosses + 0.3, ("yellow",)))
-    if violates:
-        # An agent that slows at a light that is not green waits for the light.
-        slows = [each.start for each in actor.stops if each.reason == "gives_way" and each.s < line]
-        found += [SignalDemand(group, start - _SLOWS, start + 0.3, ("green",)) for start in slows]
-        return (*found, SignalDemand(group, crosses - 0.5, crosses + 0.4, ("red",)))
-    near = [stop for stop in actor.stops if abs(stop.s - line) < 2.0]
-    waits = [stop.start - _SLOWS for stop in near if not stop.at_red]
-    starts = [stop.until - START_LAG[0] for stop in near if stop.at_red]
-    begins = min([crosses - 0.2, *waits, *starts])
-    return (*found, SignalDemand(group, begins, crosses + 0.5, ("green",)))
-
-
-def _demand_red(stop: Stop, actor: ScheduledAgent, group: str, until: float) -> SignalDemand:
-    """Demand red from before the agent slows for its stop until it is hit, or the light changes.
-
-    Where it has started before the scene begins, red just before that.
-    """
-    turns = stop.until - START_LAG[1]
-    if actor.contact is not None and actor.contact <= stop.until:
-        turns = actor.contact
-    ends = min(turns, until)
-    return SignalDemand(group, min(max(stop.start - 2.0, 0.0), ends), ends, ("red",))

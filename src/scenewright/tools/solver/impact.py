@@ -13,7 +13,12 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.social import CollisionKind, ImpactPoint
 from scenewright.scene.track import Shape
-from scenewright.tools.solver.path_conflict import Half, compute_axis_gap, compute_clearance
+from scenewright.tools.solver.path_conflict import (
+    Half,
+    compute_clearance,
+    compute_distance,
+    get_half_sides,
+)
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 
 _LEFT, _LEFT_OF_HEAD_ON = np.radians(15.0), np.radians(25.0)
@@ -65,7 +70,7 @@ class FirstContact:
     def _spot(self) -> FloatArray:
         """[2] the middle of the contact: mean of outline points of either that lie in the other."""
         (_, a, _), (_, b, _) = self._around
-        halves = (_get_half_sides(each.candidate.shape) for each in (self.first, self.second))
+        halves = (get_half_sides(each.candidate.shape) for each in (self.first, self.second))
         place, count = _add_up_touching(a, b, *halves)
         return place / count if count else (a[:2] + b[:2]) / 2
 
@@ -160,7 +165,7 @@ def find_first_contact(
     times = get_shared_times(a, b)
     if times is None:
         return None
-    sides = (_get_half_sides(a.candidate.shape), _get_half_sides(b.candidate.shape))
+    sides = (get_half_sides(a.candidate.shape), get_half_sides(b.candidate.shape))
     first = _find_touch(a.get_poses(times), b.get_poses(times), *sides)
     if first <= 0:
         return None
@@ -260,13 +265,6 @@ def _locate(pose: FloatArray, spot: FloatArray) -> tuple[float, float]:
     return float(dx * cos + dy * sin), float(dy * cos - dx * sin)
 
 
-def _get_half_sides(shape: Shape) -> tuple[float, float]:
-    """Half length and half width [m]; a disc has the length 0 and its radius."""
-    if shape.type == "pedestrian":
-        return 0.0, shape.width / 2
-    return shape.length / 2, shape.width / 2
-
-
 # ---- as machine code: poses [N, 3] or [3] (x, y, heading), half sides as above -------------------
 
 _ON_EDGE = 0.02
@@ -281,36 +279,15 @@ def _find_touch(a: FloatArray, b: FloatArray, a_half: Half, b_half: Half) -> int
     reach = np.hypot(a_half[0], a_half[1]) + np.hypot(b_half[0], b_half[1])
     for k in range(len(a)):
         dx, dy = a[k, 0] - b[k, 0], a[k, 1] - b[k, 1]
-        if dx * dx + dy * dy <= reach * reach and _touches(a[k], b[k], a_half, b_half):
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        apart = compute_distance(
+            a[k, 0], a[k, 1], np.cos(a[k, 2]), np.sin(a[k, 2]), a_half,
+            b[k, 0], b[k, 1], np.cos(b[k, 2]), np.sin(b[k, 2]), b_half, 0.0,
+        )  # fmt: skip
+        if apart <= 0.0:
             return k
     return -1
-
-
-@compiled
-def _touches(a: FloatArray, b: FloatArray, a_half: Half, b_half: Half) -> bool:
-    """Whether two footprints touch at these poses."""
-    if a_half[0] == 0.0 and b_half[0] == 0.0:
-        return bool(np.hypot(a[0] - b[0], a[1] - b[1]) <= a_half[1] + b_half[1])
-    if a_half[0] == 0.0:
-        return _compute_distance(a, b, b_half) <= a_half[1]
-    if b_half[0] == 0.0:
-        return _compute_distance(b, a, a_half) <= b_half[1]
-    return (
-        compute_axis_gap(
-            a[0], a[1], np.cos(a[2]), np.sin(a[2]), a_half,
-            b[0], b[1], np.cos(b[2]), np.sin(b[2]), b_half,
-        ) <= 0.0
-    )  # fmt: skip
-
-
-@compiled
-def _compute_distance(point: FloatArray, box: FloatArray, half: Half) -> float:
-    """How far a point lies outside a rectangle [m]; negative inside."""
-    cos, sin = np.cos(box[2]), np.sin(box[2])
-    dx, dy = point[0] - box[0], point[1] - box[1]
-    along, across = abs(dx * cos + dy * sin) - half[0], abs(dy * cos - dx * sin) - half[1]
-    outside = np.hypot(max(along, 0.0), max(across, 0.0))
-    return float(outside + min(max(along, across), 0.0))
 
 
 @compiled

@@ -6,18 +6,19 @@ found is called optimal only where nothing can cost less: where all others have 
 
 from __future__ import annotations
 
+import heapq
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from scenewright.geometry.landmarks import Landmarks
+from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import AgentCandidates, Candidate
 from scenewright.scene.selection import Selection
 from scenewright.tools.solver.background_assignment import assign_in_turn
-from scenewright.tools.solver.combinations import enumerate_best_first
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.schedule import PartialSchedule
@@ -134,3 +135,27 @@ class MinCostSearch(Search):
             if self._get_candidate(draws.name, m) is not None:
                 return self._get_cost(draws.name, m)
         return float("inf")
+
+
+def enumerate_best_first(costs: Sequence[FloatArray]) -> Iterator[tuple[int, ...]]:
+    """Enumerate choices of one index per array by ascending sum of their costs.
+
+    Args:
+        costs: one array per agent: the cost of each of its candidates [nats].
+    """
+    orders = [np.argsort(each, kind="stable") for each in costs]
+    ranked = [each[order] for each, order in zip(costs, orders, strict=True)]
+    start = (0,) * len(costs)
+    heap, seen = [(_sum_costs(ranked, start), start)], {start}
+    while heap:
+        _, ranks = heapq.heappop(heap)
+        yield tuple(int(order[rank]) for order, rank in zip(orders, ranks, strict=True))
+        for axis, rank in enumerate(ranks):
+            step = (*ranks[:axis], rank + 1, *ranks[axis + 1 :])
+            if rank + 1 < len(ranked[axis]) and step not in seen:
+                seen.add(step)
+                heapq.heappush(heap, (_sum_costs(ranked, step), step))
+
+
+def _sum_costs(costs: Sequence[FloatArray], ranks: tuple[int, ...]) -> float:
+    return float(sum(cost[rank] for cost, rank in zip(costs, ranks, strict=True)))

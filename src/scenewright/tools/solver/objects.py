@@ -23,6 +23,7 @@ from scenewright.scene.track import Shape
 from scenewright.tools.map_grounding.object_places import Side, find_places, make_footprint
 from scenewright.tools.solver.context import compute_excess
 from scenewright.tools.solver.line_of_sight import find_lead
+from scenewright.tools.solver.path_conflict import compute_clearance
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.work_limit import count_work
 
@@ -272,38 +273,25 @@ def is_in_way(
 
 
 def make_sweep(candidate: Candidate, each: ObjectRecord, s: FloatArray) -> FloatArray:
-    """Build a function: distance [N] of the candidate to an object, by arc length of its centre
-    [m]."""
-    x, y, heading = sample_poses(candidate.path, s).T
-    corners = _make_corners(np.stack((x, y), axis=1), heading, candidate.shape)
-    return np.asarray(geos.distance(geos.polygons(corners), make_footprint(each)))
+    """Compute the distance [N] of the candidate to an object, by arc length of its centre [m]."""
+    return _compute_gaps(sample_poses(candidate.path, s), candidate.shape, each)
 
 
 def _comes_near(candidate: Candidate, each: ObjectRecord, margin: float | None) -> bool:
     shape, path = candidate.shape, candidate.path
     margin = CLEARANCE[shape.type] if margin is None else margin
     reach = (np.hypot(each.length, each.width) + np.hypot(shape.length, shape.width)) / 2 + margin
-    spacing = float(path.s[1] - path.s[0])
-    every = max(int(_NODE / spacing), 1)
-    xy, heading = path.xy[::every], path.heading[::every]
-    near = np.hypot(xy[:, 0] - each.x, xy[:, 1] - each.y) <= reach
-    if not near.any():
-        return False
-    outline = make_footprint(each)
-    if shape.type == "pedestrian":
-        rims = geos.distance(geos.points(xy[near]), outline) - shape.length / 2
-        return bool(rims.min() < margin)
-    corners = _make_corners(xy[near], heading[near], shape)
-    return bool(geos.distance(geos.polygons(corners), outline).min() < margin)
+    every = max(int(_NODE / float(path.s[1] - path.s[0])), 1)
+    poses = np.column_stack((path.xy, path.heading))[::every]
+    near = np.hypot(poses[:, 0] - each.x, poses[:, 1] - each.y) <= reach
+    return bool(near.any() and _compute_gaps(poses[near], shape, each).min() < margin)
 
 
-def _make_corners(xy: FloatArray, heading: FloatArray, shape: Shape) -> FloatArray:
-    """Compute corners [N, 4, 2] of a vehicle's footprint at poses."""
-    along = np.stack((np.cos(heading), np.sin(heading)), axis=1) * shape.length / 2
-    ends = np.stack((xy - along, xy + along), axis=1)
-    # A box of the full width around the vehicle's middle line.
-    across = along[:, ::-1] * (-1, 1) * (shape.width / shape.length)
-    return np.concatenate((ends + across[:, None], ends[:, ::-1] - across[:, None]), axis=1)
+def _compute_gaps(poses: FloatArray, shape: Shape, each: ObjectRecord) -> FloatArray:
+    """Compute the distance [N] of a footprint at poses [N, 3] to an object [m]."""
+    place = np.array([[each.x, each.y, each.heading]]).repeat(len(poses), axis=0)
+    box = Shape(type="vehicle", length=each.length, width=each.width)
+    return compute_clearance(poses, place, shapes=(shape, box))
 
 
 def _keeps_apart(place: ObjectRecord, others: Sequence[ObjectRecord]) -> bool:

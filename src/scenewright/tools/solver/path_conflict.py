@@ -103,18 +103,8 @@ def find_path_conflict(
     i, j = find_close_nodes(
         pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1]))
     )
-    if all(shape.type != "pedestrian" for shape in shapes):
-        halves = [(shape.length / 2, shape.width / 2) for shape in shapes]
-        gap = _compute_axis_gaps(to_cosines(pose_a), to_cosines(pose_b), i, j, *halves)
-        i, j, gap = i[gap <= reach], j[gap <= reach], gap[gap <= reach]
-        clearance = gap
-        # The gap is exact for footprints that overlap; only the others may meet at corners.
-        beside = gap > 0.0
-        if beside.any():
-            poses = pose_a[i[beside]], pose_b[j[beside]]
-            clearance[beside] = compute_clearance(*poses, shapes=shapes)
-    else:
-        clearance = compute_clearance(pose_a[i], pose_b[j], shapes=shapes)
+    halves = get_half_sides(shapes[0]), get_half_sides(shapes[1])
+    clearance = _compute_distances(to_cosines(pose_a), to_cosines(pose_b), i, j, *halves, reach)
     near = clearance <= reach
     return PathConflict(s_a, s_b, i[near], j[near], clearance[near])
 
@@ -179,34 +169,75 @@ def compute_axis_gap(
 
 
 @compiled
-def _compute_axis_gaps(
-    a: FloatArray, b: FloatArray, i: IntArray, j: IntArray, a_half: Half, b_half: Half
+def compute_distance(
+    ax: float, ay: float, a_cos: float, a_sin: float, a_half: Half,
+    bx: float, by: float, b_cos: float, b_sin: float, b_half: Half, reach: float,
+) -> float:  # fmt: skip
+    """Compute the distance of two footprints [m]; negative = overlap.
+
+    Two convex shapes that do not overlap are nearest at a corner of one of them; whether they
+    overlap is decided by separating axes. Discs are corners with a radius.
+
+    Args:
+        a_half, b_half: see `get_half_sides`; reach: beyond it, the distance may be more [m].
+    """
+    if a_half[0] == 0.0 and b_half[0] == 0.0:
+        return float(np.hypot(ax - bx, ay - by)) - a_half[1] - b_half[1]
+    if a_half[0] == 0.0:
+        return _compute_point_distance(ax, ay, bx, by, b_cos, b_sin, b_half) - a_half[1]
+    if b_half[0] == 0.0:
+        return _compute_point_distance(bx, by, ax, ay, a_cos, a_sin, a_half) - b_half[1]
+    gap = compute_axis_gap(ax, ay, a_cos, a_sin, a_half, bx, by, b_cos, b_sin, b_half)
+    if gap <= 0.0 or gap > reach:
+        return gap
+    nearest = np.inf
+    for n in range(4):
+        along, across = 1.0 - 2.0 * (n % 2), 1.0 - 2.0 * (n // 2)
+        u, v = along * a_half[0], across * a_half[1]
+        x, y = ax + u * a_cos - v * a_sin, ay + u * a_sin + v * a_cos
+        nearest = min(nearest, _compute_point_distance(x, y, bx, by, b_cos, b_sin, b_half))
+        u, v = along * b_half[0], across * b_half[1]
+        x, y = bx + u * b_cos - v * b_sin, by + u * b_sin + v * b_cos
+        nearest = min(nearest, _compute_point_distance(x, y, ax, ay, a_cos, a_sin, a_half))
+    return max(nearest, 0.0)
+
+
+@compiled
+def _compute_point_distance(
+    x: float, y: float, bx: float, by: float, cos: float, sin: float, half: Half
+) -> float:
+    """Compute how far a point lies outside a rectangle [m]; negative inside."""
+    dx, dy = x - bx, y - by
+    along, across = abs(dx * cos + dy * sin) - half[0], abs(dy * cos - dx * sin) - half[1]
+    outside = np.hypot(max(along, 0.0), max(across, 0.0))
+    return float(outside + min(max(along, across), 0.0))
+
+
+@compiled
+def _compute_distances(
+    a: FloatArray, b: FloatArray, i: IntArray, j: IntArray, a_half: Half, b_half: Half, reach: float
 ) -> FloatArray:
-    """[N] `compute_axis_gap` of pairs of nodes; a, b: [4, ...] x, y, cosine and sine of heading."""
-    gap = np.empty(len(i))
+    """[N] `compute_distance` of pairs of nodes; a, b: [4, ...] x, y, cosine and sine of heading."""
+    apart = np.empty(len(i))
     for k in range(len(i)):
         p, q = i[k], j[k]
-        gap[k] = compute_axis_gap(a[0, p], a[1, p], a[2, p], a[3, p], a_half,
-                          b[0, q], b[1, q], b[2, q], b[3, q], b_half)  # fmt: skip
-    return gap
+        apart[k] = compute_distance(a[0, p], a[1, p], a[2, p], a[3, p], a_half,
+                          b[0, q], b[1, q], b[2, q], b[3, q], b_half, reach)  # fmt: skip
+    return apart
+
+
+def get_half_sides(shape: Shape) -> Half:
+    """Half length and half width [m]; a disc has the length 0 and its radius."""
+    walks = shape.type == "pedestrian"
+    return 0.0 if walks else shape.length / 2, shape.width / 2
 
 
 def compute_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shape]) -> FloatArray:
     """Compute distances [N] [m] between footprints at poses [N, 3] (x, y, heading); negative =
-    overlap.
-
-    Two convex shapes that do not overlap are nearest at a corner of one of them; whether they
-    overlap is decided by separating axes. Discs are corners with a radius.
-    """
-    discs = [shape.type == "pedestrian" for shape in shapes]
-    if all(discs):
-        distance: FloatArray = np.hypot(a[:, 0] - b[:, 0], a[:, 1] - b[:, 1])
-        return distance - (shapes[0].width + shapes[1].width) / 2
-    if discs[1]:
-        return _compute_disc_distance(b, a, shapes[0]) - shapes[1].width / 2
-    if discs[0]:
-        return _compute_disc_distance(a, b, shapes[1]) - shapes[0].width / 2
-    return _compute_box_distance(a, b, shapes)
+    overlap."""
+    every = np.arange(len(a))
+    halves = get_half_sides(shapes[0]), get_half_sides(shapes[1])
+    return _compute_distances(to_cosines(a), to_cosines(b), every, every, *halves, np.inf)
 
 
 def find_conflict_intervals(
@@ -230,60 +261,6 @@ def compute_gap(intervals: Intervals, delta: float) -> float:
         return float("inf")
     outside = np.maximum(intervals[:, 0] - delta, delta - intervals[:, 1])
     return float(np.maximum(outside, 0.0).min())
-
-
-def _transform_to_box(
-    x: FloatArray, y: FloatArray, box: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Transform points [..., N] to coordinates along and across the boxes at poses [N, 3]."""
-    cos, sin = np.cos(box[:, 2]), np.sin(box[:, 2])
-    dx, dy = x - box[:, 0], y - box[:, 1]
-    return dx * cos + dy * sin, dy * cos - dx * sin
-
-
-def _compute_disc_distance(disc: FloatArray, box: FloatArray, shape: Shape) -> FloatArray:
-    """Compute distances [N] of the centres of discs to boxes; negative inside."""
-    along, across = _transform_to_box(disc[:, 0], disc[:, 1], box)
-    return _compute_outside_distance(
-        np.abs(along) - shape.length / 2, np.abs(across) - shape.width / 2
-    )
-
-
-def _compute_outside_distance(along: FloatArray, across: FloatArray) -> FloatArray:
-    outside: FloatArray = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
-    return outside + np.minimum(np.maximum(along, across), 0.0)
-
-
-_SIGNS = np.array([[[1.0], [1.0], [-1.0], [-1.0]], [[1.0], [-1.0], [-1.0], [1.0]]])
-"""[2, 4, 1] corners of a rectangle, along and across, in half sides."""
-
-
-def _compute_corners(box: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
-    """Compute x and y [4, N] of the corners; the long axis last keeps reductions fast."""
-    cos, sin = np.cos(box[:, 2]), np.sin(box[:, 2])
-    along, across = _SIGNS[0] * shape.length / 2, _SIGNS[1] * shape.width / 2
-    return box[:, 0] + along * cos - across * sin, box[:, 1] + along * sin + across * cos
-
-
-def _compute_box_distance(a: FloatArray, b: FloatArray, shapes: tuple[Shape, Shape]) -> FloatArray:
-    near_a, axes_a = _compute_corner_distance(_compute_corners(b, shapes[1]), a, shapes[0])
-    near_b, axes_b = _compute_corner_distance(_compute_corners(a, shapes[0]), b, shapes[1])
-    axes = np.maximum(axes_a, axes_b)
-    return np.where(axes <= 0.0, axes, np.maximum(np.minimum(near_a, near_b), 0.0))
-
-
-def _compute_corner_distance(
-    corners: tuple[FloatArray, FloatArray], box: FloatArray, shape: Shape
-) -> tuple[FloatArray, FloatArray]:
-    """Compute distances [N] of the nearest corner, and the largest gap along the box's own axes."""
-    along, across = _transform_to_box(*corners, box)
-    half = (shape.length / 2, shape.width / 2)
-    near = _compute_outside_distance(np.abs(along) - half[0], np.abs(across) - half[1]).min(axis=0)
-    gaps = [
-        np.maximum(local.min(axis=0), -local.max(axis=0)) - extent
-        for local, extent in zip((along, across), half, strict=True)
-    ]
-    return near, np.maximum(*gaps)
 
 
 @compiled

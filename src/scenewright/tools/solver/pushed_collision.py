@@ -11,12 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import Contact
-from scenewright.scene.selection import Push, Stop
+from scenewright.scene.selection import Push
 from scenewright.scene.track import VEHICLE_MASSES
-from scenewright.tools.solver.context import FOR_GOOD, QUEUED_BEHIND, SolverContext
+from scenewright.tools.solver.context import QUEUED_BEHIND, SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
@@ -90,10 +89,9 @@ def _place_ahead(
     line = free.landmarks.line
     if place is None or (stop.at_red and (line is None or place > line)):
         return None
-    start = compute_arrival(free.candidate, StopCommand(place, 0.0, stop.braking))
-    own = Stop(stop.anchor, place, start, start + FOR_GOOD, stop.reason, stop.braking)
+    own = free.build_stop(place, stop.reason, braking=stop.braking, anchor=stop.anchor)
     earlier = float(context.rng.uniform(*_EARLIER))
-    return free.edit(stops=(own,)).shift(round(stop.start - earlier - start, 1))
+    return free.edit(stops=(own,)).shift(round(stop.start - earlier - own.start, 1))
 
 
 def _find_place_ahead(

@@ -7,13 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenewright.geometry.along import sample_poses
-from scenewright.geometry.driving_profile import Motion, compute_motion
+from scenewright.geometry.driving_profile import (
+    Motion,
+    StopCommand,
+    compute_arrival,
+    compute_motion,
+)
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Push, Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.segment_editor import end_motion, make_stop_command, push_motion
+
+FOR_GOOD = 60.0
+"""How long who stands for good does [s]: longer than any scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +64,19 @@ class ScheduledAgent:
     def leaves(self) -> float:
         """Scene time of its last sample [s]."""
         return self.enters + STEP * (len(self.motion.s) - 1)
+
+    def build_stop(
+        self,
+        s: float,
+        reason: str,
+        *,
+        lasts: float = FOR_GOOD,
+        braking: float | None = None,
+        anchor: str = "stopping_point",
+    ) -> Stop:
+        """Build its standstill at `s` [m], so long [s] from when it gets there; inf: never."""
+        start = self.enters + compute_arrival(self.candidate, StopCommand(s, 0.0, braking))
+        return Stop(anchor, s, start, start + lasts, reason, braking)
 
     def edit(
         self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()

@@ -88,15 +88,20 @@ from scenewright.tools.solver.entry_times import (
     starts_on_red,
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
-from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
+from scenewright.tools.solver.foreground import ForegroundSolver, passes_first
 from scenewright.tools.solver.independent_events import join_names, list_separations
-from scenewright.tools.solver.motion_template import MotionTemplate
+from scenewright.tools.solver.motions import MotionTemplate
 from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
 from scenewright.tools.solver.reactions import ReactionRequests
-from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
-from scenewright.tools.solver.red_light_start import draw_red_light_starts
+from scenewright.tools.solver.red_lights import (
+    add_red_light_runners,
+    draw_red_light_starts,
+    list_signal_demands,
+    runs_first,
+    runs_in_time,
+)
 from scenewright.tools.solver.reservation import find_blocked_offsets
 from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent

@@ -1,44 +1,53 @@
-"""`time_gap` and `headway`: two agents pass a place one after the other, so far apart in time."""
+"""`time_gap` and `passes_beside`: two agents pass a place so far apart in time, or abreast so far
+apart.
+
+On present courses they would touch: one responds to the threat, and the time that it loses or gains
+is why they miss; the other responds as well. Where none can, their entry times alone are apart.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 
-from scenewright.scene.constraints import Headway, TimeGap
-from scenewright.scene.selection import Stop
-from scenewright.tools.solver.context import FOR_GOOD, SolverContext, compute_excess, is_in_range
+from scenewright.scene.constraints import PassesBeside, TimeGap
+from scenewright.scene.kinds import has_trait
+from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Pair, Response
+from scenewright.tools.solver.context import SolverContext, compute_excess, is_in_range
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
-from scenewright.tools.solver.path_conflict import (
-    Intervals,
-    compute_gap,
-    find_conflict_intervals,
-)
-from scenewright.tools.solver.reacted_near_miss import (
-    LEAST_CLEARANCE,
-    can_react,
-    schedule_reacted_time_gaps,
-)
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_point
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
-from scenewright.tools.solver.stepping_back import (
-    find_one_stepping_back,
-    schedule_missed_steps_back,
-)
+from scenewright.tools.solver.path_conflict import Intervals, compute_gap
+from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
-_TRIES = 6
-_MOST_STEPS = 2
-"""Schedules with a step back that are offered."""
+_TRIES, _ALONE, _BACK, _MOST = 24, 10, 60, 2
+"""Responses that are drawn, and of these with one agent responding alone; where one steps back; and
+schedules that are offered."""
 
-_CLOSE = 1.05
-"""A headway below this is tailgating [s]."""
+_APART = 6
+"""Offsets that are drawn where neither responds."""
 
-_LEAST_HEADWAY = 0.7
-"""Shortest headway of a follower where none is asked for [s]."""
+_KEEPS, _KEEPS_LITTLE = (0.58, 0.75), (0.25, 0.55)
+"""Share of its speed that an agent keeps which slows and passes second; and if it is close behind
+or brakes harshly."""
+
+_KEEPS_FIRST, _KEEPS_ON_FOOT = (0.6, 0.8), (0.4, 0.55)
+"""The same for an agent that slows for a moment and still passes first; the second on foot."""
+
+_CLEAR = 0.05
+"""Least clearance of two that pass without touching [m]."""
+
+_IN_TIME = 1.7
+"""Time [s] within which a reaction must have ended the threat, or the other had to react, too."""
+
+_WHERE, _PLACES = (0.2, 0.6), 6
+"""Share of the overtaken one's path at which it may be, and how many places are tried."""
+
+_FASTER, _MOVING = 1.3, 1.5
+"""By how much the overtaker is faster, and how fast the other is, at the least [m/s]."""
 
 
 def schedule_time_gaps(
@@ -51,32 +60,140 @@ def schedule_time_gaps(
         if _is_pet_in_range(clause, meetings, b.enters - a.enters, context):
             yield schedule
         return
-    back = find_one_stepping_back(clause, context)
-    if back is not None:
-        some = schedule_missed_steps_back(clause, schedule, context, (a, b), meetings, back)
-        yield from islice(some, _MOST_STEPS)
-        return
-    yield from schedule_reacted_time_gaps(clause, schedule, context, (a, b), meetings)
-    if not context.lenient and can_react(clause, schedule, context, (a, b), meetings):
-        words = "no reaction of either agent brings it about"
-        context.note_miss(clause, FailureStage.COMPANY, words)
+    names = get_pair(clause)
+    able = [
+        k
+        for k, of in enumerate((a, b))
+        if context.reactions.may_react(names[k])
+        and names[k] not in schedule.actors
+        and not of.slowings
+    ]
+    back = any(has_trait("reaction", context.reactions.ways.get(name), "back") for name in names)
+    if len(meetings) and able:
+
+        def judge(conflict: Conflict) -> PartialSchedule | None:
+            return _judge(clause, schedule, context, conflict.pair)
+
+        draws = _list_draws(clause, context, (a, b), meetings, able, back=back)
+        pets = clause.low, clause.high
+        sampler = ConflictSampler(clause, schedule, context, (a, b), judge, pets)
+        yield from islice(sampler.sample(draws), _MOST)
+        if back or not context.lenient:
+            words = "no reaction of either agent brings it about"
+            context.note_miss(clause, FailureStage.COMPANY, words)
+    if back or (not context.lenient and len(meetings) and able):
         return
     for delta in _draw_outside(meetings, clause.low, clause.high, context.rng):
         placed_a, placed_b = schedule.place(clause, a, b, delta)
         if not _is_pet_in_range(clause, meetings, placed_b.enters - placed_a.enters, context):
             continue
-        clearance, time, place = find_least_clearance(placed_a, placed_b)
-        if not all(_passes_the_pause(each, time) for each in (placed_a, placed_b)):
-            continue
-        if clearance <= LEAST_CLEARANCE or schedule.is_too_soon(time, clause):
-            words = "the two touch, or are not yet free for it, at every such moment"
-            context.note_miss(clause, FailureStage.COMPANY, words)
-            continue
-        event = ScheduledEvent(clause, time, time - 4.0, time + 1.0, time + 1.0, place)
-        yield schedule.add_event(event, placed_a, placed_b)
+        yield from _pass(clause, schedule, context, (placed_a, placed_b), (_CLEAR, np.inf))
     if not len(meetings):
         words = f"the paths of {clause.first} and {clause.second} never touch"
         context.note_miss(clause, FailureStage.PATHS, words)
+
+
+def schedule_overtakings(
+    clause: PassesBeside, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
+    """List every schedule (lazily) in which the first overtakes the second as the clause says."""
+    a, b = context.get_pair(clause, schedule)
+    if schedule.has_event(clause):
+        return
+    for share in context.rng.uniform(*_WHERE, _PLACES):
+        delta = _find_offset(a, b, float(share) * b.candidate.path.length)
+        if delta is None:
+            words = f"{clause.first} is not faster than {clause.second} where it would pass"
+            context.note_miss(clause, FailureStage.MEASURE, words)
+            continue
+        placed = schedule.place(clause, a, b, delta)
+        yield from _pass(clause, schedule, context, placed, (clause.low, clause.high))
+
+
+def _find_offset(a: ScheduledAgent, b: ScheduledAgent, s: float) -> float | None:
+    """Find o_b - o_a [s] at which both are abreast where b is at `s` [m]; None if a is no
+    faster."""
+    x, y, _ = b.get_pose(s)
+    path = a.candidate.path
+    abreast = float(path.s[int(np.hypot(*(path.xy - (x, y)).T).argmin())])
+    times = a.motion.find_time_at(abreast), b.motion.find_time_at(s)
+    if not np.isfinite(times).all():
+        return None
+    speeds = a.motion.find_speed_at(times[0]), b.motion.find_speed_at(times[1])
+    if speeds[1] < _MOVING or speeds[0] - speeds[1] < _FASTER:
+        return None
+    return times[0] - times[1]
+
+
+def _pass(
+    clause: TimeGap | PassesBeside,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    pair: Pair,
+    clearances: tuple[float, float],
+) -> Iterator[PartialSchedule]:
+    """Add that the two pass one another with such a least clearance [m], if they do."""
+    clearance, time, place = find_least_clearance(*pair)
+    if not all(_passes_the_pause(each, time) for each in pair):
+        return
+    if not clearances[0] <= clearance <= clearances[1]:
+        words, off = f"the two pass at {clearance:.1f} m", compute_excess(*clearances, clearance)
+        context.note_miss(clause, FailureStage.MEASURE, words, off=off)
+    elif schedule.is_too_soon(time, clause):
+        context.note_miss(clause, FailureStage.COMPANY, "the two are not yet free for it")
+    else:
+        event = ScheduledEvent(clause, time, time - 4.0, time + 1.0, time + 1.0, place)
+        yield schedule.add_event(event, *pair)
+
+
+def _list_draws(
+    clause: TimeGap,
+    context: SolverContext,
+    pair: Pair,
+    meetings: Intervals,
+    able: list[int],
+    *,
+    back: bool,
+) -> Iterator[Draw]:
+    """List offsets at which the two would touch, and how they respond: one, an asked one rather,
+    so that they part, the other for a moment."""
+    rng, names = context.rng, get_pair(clause)
+    asked = [k for k in able if names[k] in context.reactions.ways]
+    tries = _BACK if back else _TRIES
+    for n in range(tries):
+        ways: list[tuple[Response, ...]] = [(), ()]
+        by = int(rng.choice(asked or able))
+        how = context.reactions.draw(names[by], pair[by], rng)
+        keeps = rng.uniform(*(_KEEPS if rng.random() < 0.5 else _KEEPS_LITTLE))
+        ways[by] = (Response(how, float(keeps)),)
+        answer = context.reactions.draw(names[1 - by], pair[1 - by], rng)
+        walks = pair[1 - by].candidate.shape.type == "pedestrian"
+        first = _KEEPS_ON_FOOT if walks else _KEEPS_FIRST
+        lets = how.hurries and not answer.hurries
+        keeps = float(rng.uniform(*(_KEEPS if lets else first)))
+        if n < tries - _ALONE and 1 - by in able:
+            ways[1 - by] = (Response(answer, keeps, None if lets or answer.hurries else 1.0),)
+        low, high = meetings[int(rng.integers(len(meetings)))].tolist()
+        yield Draw(float(rng.uniform(low, high)), (ways[0], ways[1]))
+
+
+def _judge(
+    clause: TimeGap, schedule: PartialSchedule, context: SolverContext, pair: Pair
+) -> PartialSchedule | None:
+    """Return the schedule with the near miss; None where the two touch or nothing was
+    perceptible."""
+    clearance, time, place = find_least_clearance(*pair)
+    if clearance <= _CLEAR or schedule.is_too_soon(time, clause):
+        return None
+    conflict = context.find_evaded_conflict(clause, *pair)
+    lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
+    threat = find_threat(conflict, *pair, until=time, lead=lead)
+    alone = not (pair[0].slowings and pair[1].slowings)
+    if threat is None or (alone and threat[1] - threat[0] > _IN_TIME):
+        return None
+    begins = min(time - 4.0, threat[0] - SEEN_BEFORE)
+    event = ScheduledEvent(clause, time, begins, time + 1.0, time + 1.0, place)
+    return schedule.add_event(event, *pair)
 
 
 def _passes_the_pause(of: ScheduledAgent, time: float) -> bool:
@@ -103,87 +220,9 @@ def _draw_outside(
 ) -> list[float]:
     """Draw offsets whose distance from all intervals lies in [low, high]."""
     found = []
-    for gap in rng.uniform(low, high, _TRIES):
+    for gap in rng.uniform(low, high, _APART):
         for start, end in meetings:
             found += [float(start - gap), float(end + gap)]
     kept = [delta for delta in found if compute_gap(meetings, delta) >= low - 1e-6]
     rng.shuffle(kept)
     return kept
-
-
-def schedule_headways(
-    clause: Headway, schedule: PartialSchedule, context: SolverContext
-) -> Iterator[PartialSchedule]:
-    """List every schedule (lazily) in which the first follows the second at the headway asked
-    for."""
-    a, b = context.get_pair(clause, schedule)
-    if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
-        close = replace(a.candidate, time_law=b.candidate.time_law)
-        a = ScheduledAgent.build_unplaced(close, a.landmarks)
-    pair = context.find_path_conflict(clause)
-    meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
-    if not len(meetings):
-        words = f"{clause.first} and {clause.second} never share a lane"
-        context.note_miss(clause, FailureStage.PATHS, words)
-        return
-    low, high = clause.low, clause.high
-    distance = context.find_figure("gap", clause.first, clause.second)
-    if distance is not None:
-        speed = a.candidate.time_law.speed
-        low, high = distance.low / speed, distance.high / speed
-    least = _LEAST_HEADWAY if low >= _LEAST_HEADWAY else low - 0.1
-    for gap in context.rng.uniform(low, high, _TRIES):
-        delta = float(meetings[0, 0] - gap)
-        placed_a, placed_b = schedule.place(clause, a, b, delta)
-        found = float(meetings[0, 0] - (placed_b.enters - placed_a.enters))
-        if not is_in_range(low, high, found):
-            words = f"a headway of {low:g} to {high:g} s: it is {found:.1f} s"
-            off = compute_excess(low, high, found)
-            context.note_miss(clause, FailureStage.MEASURE, words, off=off)
-            continue
-        if placed_a.contact is None:
-            placed_a = _queue_behind(clause, placed_a, placed_b, context)
-        begins = max(placed_a.enters, placed_b.enters)
-        if not _follows(placed_a, placed_b, least=least):
-            words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
-            context.note_miss(clause, FailureStage.COMPANY, words)
-            continue
-        time = begins + 4.0
-        event = ScheduledEvent(clause, time, begins, time, time, get_point(placed_a, time))
-        yield schedule.add_event(event, placed_a, placed_b)
-
-
-def _queue_behind(
-    clause: Headway, a: ScheduledAgent, b: ScheduledAgent, context: SolverContext
-) -> ScheduledAgent:
-    """Return the follower with a stop behind every one of its leader's, its wreck included."""
-    stands = [(stop.s, stop.start, stop.until) for stop in b.stops]
-    if b.contact is not None:
-        last = float(b.motion.s[-1])
-        stands = [each for each in stands if each[0] < last - 1.0]
-        stands.append((last, b.contact, b.contact + FOR_GOOD))
-    stops = list(a.stops)
-    for s, start, until in stands:
-        touch = context.find_touch(clause, s)
-        if touch is None:
-            continue
-        behind = touch - float(context.rng.uniform(1.8, 3.0))
-        behind = a.landmarks.move_off_crosswalks(behind)
-        if behind > 2.0 and all(abs(stop.s - behind) > 1.0 for stop in stops):
-            lag = float(context.rng.uniform(0.7, 1.3))
-            stops.append(Stop("queue", behind, start, until + lag, "queue"))
-    if len(stops) == len(a.stops):
-        return a
-    return a.edit(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
-
-
-def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
-    """Return whether `a` drives behind `b` at a headway of `least` to 3.4 s for 3.6 s on end."""
-    times = get_shared_times(a, b)
-    if times is None:
-        return False
-    ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
-    gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
-    speed = np.maximum(np.interp(times - a.enters, a.motion.clock, a.motion.speed), 0.5)
-    fits = (gap / speed > least) & (gap / speed < 3.4)
-    return bool((np.convolve(fits, np.ones(36)) > 35.5).any())
