@@ -196,7 +196,12 @@ def test_openscenario_in_routes_waits_for_the_ego_where_it_must() -> None:
         ".//Event[@name='drive pedestrian-1']//ReachPositionCondition//WorldPosition"
     )
     assert started is not None
-    assert (started.get("x"), started.get("y")) == ("4.95", "-39.0")
+    # It is within 2 m of that place 0.2 s before it gets there.
+    condition = root.find(".//Event[@name='drive pedestrian-1']/StartTrigger//Condition")
+    assert condition.get("delay") == "0.2"
+    # The place is that of the ego's axle.
+    assert started.get("x") == "4.95"
+    assert float(started.get("y", 0)) == pytest.approx(-39.0 - 0.3 * 4.6)
 
 
 def test_openscenario_in_routes_has_no_tracks_to_check(tmp_path: Path) -> None:

@@ -41,8 +41,9 @@ TRIGGER_RADIUS = 2.0
 """How near the ego comes to the place that sets another agent off [m]."""
 
 _Element = ElementTree.Element
-_Starter = tuple[str, FloatArray] | float | str
-"""The ego's name and a point that it is to reach; or a time [s], or the parameter that holds it."""
+_Starter = tuple[str, FloatArray, float] | float | str
+"""A name, a point that it is to reach, and how long after that [s]; or a time [s], or the parameter
+that holds it."""
 _Roads = Mapping[str, Road]
 _Way = list[tuple[Road, float]]
 """Places on the lanes that one drives on: the road and the distance along it [m]."""
@@ -57,7 +58,8 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
     if scene.ego_named:
         scene = scene.begin_at_ego()
     scene = replace(
-        scene, agents=tuple(_refer_to_axle(agent) for agent in scene.agents),
+        scene, ego=_refer_to_axle(scene.ego),
+        agents=tuple(_refer_to_axle(agent) for agent in scene.agents),
         objects=tuple(_refer_to_axle(agent) for agent in scene.objects),
     )  # fmt: skip
     root = build_header(scene)
@@ -259,7 +261,7 @@ def _add_maneuvers(
         end = (
             _follow_track(agent)[0][-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
         )
-        _add_removal(maneuver, agent, (agent.name, end))
+        _add_removal(maneuver, agent, (agent.name, end, 0.0))
         _add_stop(maneuver, agent, scene)
 
 
@@ -282,7 +284,10 @@ def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Starter:
     pairs = [{event.from_, event.to} for event in scene.events]
     k = agent.first - scene.ego.first
     if {agent.id, scene.ego.id} in pairs and 0 < k < len(scene.ego.xy):
-        return scene.ego.name, np.asarray(scene.ego.xy[k])
+        # Who stands there, or creeps, is near it long before.
+        near = np.hypot(*(scene.ego.xy[: k + 1] - scene.ego.xy[k]).T) <= TRIGGER_RADIUS
+        wait = round((k - int(np.argmax(near))) * scene.step, 3)
+        return scene.ego.name, np.asarray(scene.ego.xy[k]), wait
     if agent.role == "foreground" and agent.first > 0:
         return f"${name_parameter('start', agent)}"
     return float(agent.times[0])
@@ -443,9 +448,9 @@ def _add_time_trigger(trigger: _Element, time: float | str) -> None:
     add(value, "SimulationTimeCondition", value=time, rule="greaterOrEqual")
 
 
-def _add_place_trigger(trigger: _Element, name: str, xy: FloatArray) -> None:
-    """When an agent gets there."""
-    condition = _add_entity_condition(_add_condition(trigger, f"{name} is there"), name)
+def _add_place_trigger(trigger: _Element, name: str, xy: FloatArray, wait: float) -> None:
+    """So long after an agent gets there [s]."""
+    condition = _add_entity_condition(_add_condition(trigger, f"{name} is there", wait), name)
     reach = add(condition, "ReachPositionCondition", tolerance=TRIGGER_RADIUS)
     _add_position(reach, xy, None)
 
@@ -457,6 +462,6 @@ def _add_entity_condition(condition: _Element, name: str) -> _Element:
     return add(by_entity, "EntityCondition")
 
 
-def _add_condition(trigger: _Element, name: str) -> _Element:
+def _add_condition(trigger: _Element, name: str, delay: float = 0.0) -> _Element:
     group = add(trigger, "ConditionGroup")
-    return add(group, "Condition", name=name, delay=0.0, conditionEdge="none")
+    return add(group, "Condition", name=name, delay=delay, conditionEdge="none")
