@@ -91,14 +91,16 @@ CONSUMERS = {
     "metadrive": Consumer("scenarionet", ".pkl", "sd_scenewright_1_", finds="ego"),
     "omega-prime": Consumer("osi", ".mcap", squares=True, sees_doors=False),
     "av2": Consumer("argoverse2", ".parquet", "{0}/scenario_", finds="nothing", form="whole"),
-    "esmini": Consumer("openscenario", ".xosc", tolerance=0.15, squares=True, script="esmini"),
+    "esmini": Consumer(
+        "openscenario", ".xosc", tolerance=0.15, squares=True, within=0.15, script="esmini"
+    ),
     "esmini, its drivers": Consumer(
         "openscenario",
         ".xosc",
         tolerance=3.0,
         form="reactive",
         squares=True,
-        within=0.2,
+        within=0.35,
         script="esmini",
     ),
 }

@@ -31,7 +31,7 @@ from scenewright.tools.exporters.xml_writing import add, write_bytes
 
 LINE_SPACING, SPEED_SPACING = 1.0, 0.5
 """Between the points of a line without times [m], and between entries of a speed profile [s]."""
-OFF_LANES = 1.0
+OFF_LANES = 0.6
 """Who is further than this from the middle of all lanes of its route does not drive on them [m]."""
 REAR_AXLE = 0.3
 """Of its length a vehicle's rear axle, its reference point, lies behind its middle."""
