@@ -3,7 +3,8 @@
 Consumers are scripts in `consumers/`, each run with the interpreter `<folder>/<name>/bin/python`,
 where the folder is named by SCENEWRIGHT_EXPORTS or lies in the environment of the tests, as `make
 exports` lays it. A consumer that is not installed is skipped. SCENEWRIGHT_EXPORT_SCENES says how
-many scenes, or names a folder that holds them.
+many scenes, or names a folder that holds them. ESMINI names the library of esmini, which is in no
+package index.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import pytest
 import scenewright
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import load_scene
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.record import SceneRecord
 
 FOLDER, SCENES = "SCENEWRIGHT_EXPORTS", "SCENEWRIGHT_EXPORT_SCENES"
@@ -66,6 +68,9 @@ class Consumer:
         form: in which the scenes are written; None is the usual one.
         squares: whether pedestrians, which are discs to us, are squares to it, whose corners touch
             where the discs do not.
+        sees_doors: whether it reads what is no road user.
+        within: how far its times of contact may be from ours [s].
+        script: in `consumers/` that has it play; None: that of the format.
     """
 
     format: str
@@ -75,16 +80,31 @@ class Consumer:
     finds: str = "pair"
     form: str | None = None
     squares: bool = False
+    sees_doors: bool = True
+    within: float = STEP
+    script: str | None = None
 
 
 CONSUMERS = {
     "scenario-gym": Consumer("openscenario", ".xosc", squares=True),
     "commonroad": Consumer("commonroad", ".cr.xml"),
     "metadrive": Consumer("scenarionet", ".pkl", "sd_scenewright_1_", finds="ego"),
-    "omega-prime": Consumer("osi", ".mcap", squares=True),
+    "omega-prime": Consumer("osi", ".mcap", squares=True, sees_doors=False),
     "av2": Consumer("argoverse2", ".parquet", "{0}/scenario_", finds="nothing", form="whole"),
+    "esmini": Consumer(
+        "openscenario", ".xosc", tolerance=0.15, squares=True, within=0.15, script="esmini"
+    ),
+    "esmini, its drivers": Consumer(
+        "openscenario",
+        ".xosc",
+        tolerance=3.0,
+        form="reactive",
+        squares=True,
+        within=0.35,
+        script="esmini",
+    ),
 }
-_SCRIPTS = {name: each.format for name, each in CONSUMERS.items()}
+ESMINI = "ESMINI"
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +119,7 @@ def test_a_consumer_finds_exactly_our_collisions(
     consumer, python = CONSUMERS[name], _find_interpreter(name)
     scenewright.export(records, consumer.format, tmp_path, form=consumer.form)
     questions = [_describe(record, consumer, tmp_path) for record in records]
-    answer = _ask(python, _SCRIPTS[name], questions)
+    answer = _ask(python, consumer.script or consumer.format, questions)
     pairs = list(zip(records, answer["scenes"], strict=True))
     faults = [f for record, each in pairs for f in _find_faults(record, each, consumer)]
     worst = max(each["position_error"] for each in answer["scenes"])
@@ -115,6 +135,10 @@ def test_a_consumer_finds_exactly_our_collisions(
 
 
 def _find_interpreter(name: str) -> Path:
+    if CONSUMERS[name].script == "esmini":
+        if ESMINI not in os.environ:
+            pytest.skip("ESMINI does not name the library of esmini")
+        return Path(sys.executable)
     folder = Path(os.environ.get(FOLDER, Path(sys.prefix) / "exports"))
     python = folder / name / "bin" / "python"
     if not python.exists():
@@ -150,9 +174,13 @@ def _describe(record: SceneRecord, consumer: Consumer, folder: Path) -> dict[str
         }
         for agent in record.agents
     }
+    first = max(agent.id for agent in record.agents) + 1
+    objects = {each.id: number for number, each in enumerate(record.objects, start=first)}
     file = folder / f"{consumer.prefix.format(name)}{name}{consumer.suffix}"
     steps = round(record.meta.duration / STEP) + 1
-    return {"file": str(file), "step": STEP, "steps": steps, "agents": agents}
+    return {
+        "file": str(file), "step": STEP, "steps": steps, "agents": agents, "objects": objects,
+    }  # fmt: skip
 
 
 def _ask(python: Path, script: str, questions: list[dict[str, Any]]) -> dict[str, Any]:
@@ -173,6 +201,13 @@ def _our_collisions(record: SceneRecord) -> dict[tuple[str, str], float]:
         if event.type == "collision" and event.time is not None:
             one, two = sorted((names[event.from_ or 0], names[event.to or 0]))
             found[one, two] = event.time
+    there = {each.id for each in record.objects}
+    for hit in record.encounters:
+        if has_trait("encounter", hit.how, "ends"):
+            (agent,) = (each for each in record.agents if each.id == hit.agent)
+            door = f"{hit.object}-door"
+            end = agent.spawn_time + STEP * (len(agent.trajectory) - 1)
+            found[agent.name, door if door in there else hit.object] = end
     return found
 
 
@@ -184,6 +219,8 @@ def _find_faults(record: SceneRecord, answer: dict[str, Any], consumer: Consumer
     if consumer.finds == "ego":
         return [f"{where}: {text}" for text in _compare_crash(record, answer, ours)]
     theirs = {(a, b): t for a, b, t in answer["collisions"]}
+    if not consumer.sees_doors:
+        ours = {pair: t for pair, t in ours.items() if not pair[1].endswith("-door")}
     faults = [f"missed {pair} at {ours[pair]} s" for pair in ours.keys() - theirs.keys()]
     faults += [
         f"invented {pair} at {theirs[pair]} s"
@@ -193,7 +230,7 @@ def _find_faults(record: SceneRecord, answer: dict[str, Any], consumer: Consumer
     faults += [
         f"{pair} at {theirs[pair]} s, ours {ours[pair]} s"
         for pair in ours.keys() & theirs.keys()
-        if abs(theirs[pair] - ours[pair]) > STEP + 1e-6
+        if abs(theirs[pair] - ours[pair]) > consumer.within + 1e-6
     ]
     return [f"{where}: {fault}" for fault in faults]
 
@@ -214,7 +251,7 @@ def _touch_at_corners(record: SceneRecord, pair: tuple[str, str], time: float) -
 def _compare_crash(
     record: SceneRecord, answer: dict[str, Any], ours: dict[tuple[str, str], float]
 ) -> list[str]:
-    """The first crash of the ego, by whether it is with a person or a vehicle, and when."""
+    """The first crash of the ego, by what it is with, and when."""
     ego = next(agent.name for agent in record.agents if str(agent.id) == answer["ego"])
     mine = [(t, pair) for pair, t in ours.items() if ego in pair]
     if not mine or answer["crash"] is None:
@@ -222,8 +259,9 @@ def _compare_crash(
         return [] if not mine and crash is None else [f"crash {crash}, ours {mine}"]
     (time, pair), (what, when) = min(mine), answer["crash"]
     other = next(name for name in pair if name != ego)
-    kind = next(agent.type for agent in record.agents if agent.name == other)
-    struck = "vehicle" if kind == "vehicle" else "person"
+    kinds = {agent.name: agent.type for agent in record.agents}
+    kinds |= {each.id: "vehicle" if each.subtype else "object" for each in record.objects}
+    struck = kinds[other] if kinds[other] in ("vehicle", "object") else "person"
     if struck != what or abs(when - time) > STEP + 1e-6:
         return [f"crash with a {what} at {when} s, ours with {other} at {time} s"]
     return []

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from commonroad.common.file_reader import CommonRoadFileReader
+from commonroad.scenario.obstacle import StaticObstacle
 from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import (
     create_collision_object,
 )
@@ -19,11 +20,8 @@ def play(question: dict[str, Any]) -> dict[str, Any]:
     """Pairs and times of first contact, and how far the positions are from the scene's [m]."""
     scenario, _ = CommonRoadFileReader(question["file"]).open()
     numbers = {agent["id"]: name for name, agent in question["agents"].items()}
-    obstacles = {
-        numbers[each.obstacle_id]: each
-        for each in scenario.dynamic_obstacles
-        if each.obstacle_id in numbers  # a door is an obstacle, too
-    }
+    numbers |= {number: name for name, number in question["objects"].items()}
+    obstacles = {numbers[each.obstacle_id]: each for each in scenario.obstacles}
     worst = 0.0
     for name, agent in question["agents"].items():
         first = round(agent["t"][0] / scenario.dt)
@@ -42,10 +40,13 @@ def play(question: dict[str, Any]) -> dict[str, Any]:
 
 def _collide(obstacles: dict[str, Any], step: float, steps: int) -> list[list[Any]]:
     shapes = {name: create_collision_object(each) for name, each in obstacles.items()}
+    stands = {name for name, each in obstacles.items() if isinstance(each, StaticObstacle)}
     found = []
     for a, b in combinations(sorted(shapes), 2):
+        if {a, b} <= stands:
+            continue
         for k in range(steps):
-            one, two = shapes[a].obstacle_at_time(k), shapes[b].obstacle_at_time(k)
+            one, two = (shapes[n] if n in stands else shapes[n].obstacle_at_time(k) for n in (a, b))
             if one is not None and two is not None and one.collide(two):
                 found.append([a, b, round(k * step, 3)])
                 break

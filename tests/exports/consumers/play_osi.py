@@ -16,6 +16,7 @@ def play(question: dict[str, Any]) -> dict[str, Any]:
     """Pairs and times of first contact, and how far the positions are from the scene's [m]."""
     recording = omega_prime.Recording.from_file(question["file"], validate=True)
     names = {agent["id"]: name for name, agent in question["agents"].items()}
+    names |= {number: name for name, number in question["objects"].items()}
     table = recording.df.select("total_nanos", "idx", "x", "y", "yaw", "length", "width")
     rows = table.to_numpy()
     known = {
@@ -23,7 +24,8 @@ def play(question: dict[str, Any]) -> dict[str, Any]:
         for agent in question["agents"].values()
         for t, xy in zip(agent["t"], agent["xy"], strict=True)
     }
-    worst = max(float(np.abs(row[2:4] - known[round(row[0]), round(row[1])]).max()) for row in rows)
+    users = [row for row in rows if names[round(row[1])] in question["agents"]]
+    worst = max(float(np.abs(r[2:4] - known[round(r[0]), round(r[1])]).max()) for r in users)
     found: dict[tuple[str, str], float] = {}
     for nanos in np.unique(rows[:, 0]):
         here = rows[rows[:, 0] == nanos]

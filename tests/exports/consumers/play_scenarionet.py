@@ -33,6 +33,7 @@ CONFIG = {
     "agent_policy": ReplayEgoCarPolicy, "log_level": 50, "sequential_seed": True,
     "filter_overlapping_car": False, "use_bounding_box": True, "num_buffering_objects": 0,
 }  # fmt: skip
+CRASHES = {"crash_human": "person", "crash_vehicle": "vehicle", "crash_object": "object"}
 
 
 def compare(question: dict[str, Any]) -> dict[str, Any]:
@@ -59,7 +60,7 @@ def compare(question: dict[str, Any]) -> dict[str, Any]:
 
 
 def drive(env: ScenarioEnv, index: int, about: dict[str, Any], step: float) -> dict[str, Any]:
-    """When the replayed ego, in its own size, first strikes a person or a vehicle."""
+    """When the replayed ego, in its own size, first strikes a person, a vehicle or an object."""
     length, width, height = about["size"]
     config = {"vehicle_model": "varying_dynamics_bounding_box", "length": length, "width": width,
               "height": height}  # fmt: skip
@@ -69,7 +70,7 @@ def drive(env: ScenarioEnv, index: int, about: dict[str, Any], step: float) -> d
     env.reset(seed=index)
     for k in range(about["length"] - 1):
         *_, terminated, truncated, info = env.step([0, 0])
-        for flag, what in (("crash_human", "person"), ("crash_vehicle", "vehicle")):
+        for flag, what in CRASHES.items():
             if info.get(flag):
                 time = round(about["start"] + (k + 1) * step, 3)
                 return {**about, "crash": [what, time]}

@@ -24,7 +24,7 @@ from scenewright.cli.verify import list_scene_files
 from scenewright.dataset.batch.manifest import list_scenes, write_manifest
 from scenewright.errors import InputError
 from scenewright.graph.run import encode_scene, load_tracks, verify_tracks
-from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.objects import EncounterRecord, ObjectRecord
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.exporters import FORMATS, ExportedScene, prepare_scene, write_scene
 from scenewright.tools.exporters.exported_scene import wrap_angles
@@ -195,7 +195,12 @@ def test_openscenario_in_routes_waits_for_the_ego_where_it_must() -> None:
         ".//Event[@name='drive pedestrian-1']//ReachPositionCondition//WorldPosition"
     )
     assert started is not None
-    assert (started.get("x"), started.get("y")) == ("4.95", "-39.0")
+    # It is within 2 m of that place 0.2 s before it gets there.
+    condition = root.find(".//Event[@name='drive pedestrian-1']/StartTrigger//Condition")
+    assert condition.get("delay") == "0.2"
+    # The place is that of the ego's axle.
+    assert started.get("x") == "4.95"
+    assert float(started.get("y", 0)) == pytest.approx(-39.0 - 0.3 * 4.6)
 
 
 def test_openscenario_in_routes_has_no_tracks_to_check(tmp_path: Path) -> None:
@@ -217,13 +222,15 @@ def test_openscenario_in_routes_names_lanes_that_lead_into_one_another() -> None
         action.get("name"): [names[each.get("roadId")] for each in action.iter("LanePosition")]
         for action in root.iter("Route")
     }
-    assert routes == {
-        "route vehicle-1": ["south:approach:outer", "south>north:outer", "north:exit:outer"],
-        "route vehicle-2": ["east:approach", "east>west", "west:exit"],
-    }
-    (walk,) = root.iter("FollowTrajectoryAction")
-    assert walk.find("TrajectoryRef/Trajectory").get("name") == "way pedestrian-1"
-    assert not [each for each in walk.iter("Vertex") if each.get("time")]
+    assert routes == {"route vehicle-2": ["east:approach", "east>west", "west:exit"]}
+    # Who takes part in an event keeps to its own line, or the two could miss one another.
+    lines = {each.get("name"): each for each in root.iter("Trajectory")}
+    assert list(lines) == ["way vehicle-1", "way pedestrian-1"]
+    assert not [each for each in root.iter("Vertex") if each.get("time")]
+    stops = root.find(".//Event[@name='stop vehicle-1']")
+    assert stops.find(".//CollisionCondition/EntityRef").get("entityRef") == "pedestrian-1"
+    assert stops.find(".//AbsoluteTargetSpeed").get("value") == "0.0"
+    assert root.find(".//Event[@name='stop vehicle-2']") is None
     # Who has come to the end of its way is taken out, so that nobody piles up there.
     gone = [
         each.get("name")
@@ -803,3 +810,21 @@ def test_openscenario_in_routes_declares_what_can_vary() -> None:
     assert enters.get("value") == "$start_vehicle_2"
     replay = ElementTree.fromstring(write_scene(scene, "openscenario")["hand_made_1.xosc"])
     assert list(replay.find("ParameterDeclarations")) == []
+
+
+def test_who_drives_into_a_door_has_collided_with_it() -> None:
+    places = {"height": "high", "x": 20.0, "y": -4.0, "heading": 0.0}
+    car = {"id": "object-1", "kind": "parked", "length": 4.6, "width": 1.85}
+    door = {"id": "object-1-door", "kind": "door", "since": 6.0, "length": 0.9, "width": 0.1}
+    objects = tuple(ObjectRecord.model_validate(each | places) for each in (car, door))
+    hit = EncounterRecord(agent=3, object="object-1", how="doored")
+    record = make_record().model_copy(update={"objects": objects, "encounters": (hit,)})
+    scene = prepare_scene(record, make_scene().intersection_map)
+    _, event = scene.events
+    assert (event.type, event.from_, event.to, event.time) == ("collision", 3, 5, 8.0)
+    root = ElementTree.fromstring(write_scene(scene, "openscenario")["hand_made_1.xosc"])
+    # It stays where it is, and the door comes late, with a track as those have who come late.
+    assert root.find(".//Event[@name='leave vehicle-2']") is None
+    opens = root.find(".//Event[@name='follow object-1-door']//Vertex")
+    assert float(opens.get("time", 0)) == 6.0
+    assert scene.list_event_agents()[-2:] == [3, 5]

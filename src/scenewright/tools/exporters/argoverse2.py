@@ -43,7 +43,7 @@ def _write_tracks(scene: ExportedScene) -> bytes:
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     # Whom the ego meets in an event, if it is there at the last observed step; else the ego.
     there = {a.id: a for a in scene.agents if a.first < OBSERVED <= a.last + 1}
-    pairs = [{event.from_, event.to} for event in scene.record.events]
+    pairs = [{event.from_, event.to} for event in scene.events]
     met = [n for pair in pairs if scene.ego.id in pair for n in pair - {scene.ego.id}]
     focal = next((there[n] for n in met if n in there), scene.ego)
     parts = [_describe_track(each, scene, focal) for each in (*scene.agents, *scene.objects)]

@@ -21,9 +21,10 @@ from scenewright.geometry.polyline import (
 from scenewright.geometry.spline import build_spline_path
 from scenewright.scene.base import Colour, FloatArray, Point
 from scenewright.scene.candidates import K
+from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord
-from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord, name_door
+from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
 from scenewright.tools.exporters.road_users import ROAD_USERS, RoadUserNames, find_kind
 
 ROUTE_SPACING = 2.0
@@ -139,6 +140,13 @@ class ExportedAgent:
             velocity=self.velocity[part],
         )  # fmt: skip
 
+    def shift_start(self, count: int) -> ExportedAgent:
+        """The agent without so many of its first samples."""
+        return replace(
+            self, first=self.first + count, xy=self.xy[count:], heading=self.heading[count:],
+            velocity=self.velocity[count:],
+        )  # fmt: skip
+
     def hold(self, first: int, end: int) -> ExportedAgent:
         """A standing object there from a step on and before another."""
         count = end - first
@@ -199,9 +207,26 @@ class ExportedScene:
         return np.round(np.arange(self.steps) * self.step, 3)
 
     @cached_property
+    def events(self) -> tuple[EventRecord, ...]:
+        """The events of the scene, and as collisions who drives into an object or its door."""
+        ids = {each.name: each.id for each in self.objects}
+        tracks = {agent.id: agent for agent in self.record.agents}
+        hits = []
+        for each in self.record.encounters:
+            if has_trait("encounter", each.how, "ends") and each.object in ids:
+                agent = tracks[each.agent]
+                end = agent.spawn_time + (len(agent.trajectory) - 1) * self.step
+                to = ids.get(name_door(each.object), ids[each.object])
+                hits.append(EventRecord.model_validate({
+                    "type": "collision", "from": agent.id, "to": to, "time": end,
+                    "location": agent.trajectory[-1],
+                }))  # fmt: skip
+        return (*self.record.events, *hits)
+
+    @cached_property
     def collided(self) -> frozenset[int]:
-        """Ids of the agents whose tracks a collision ends."""
-        rows = [each for each in self.record.events if each.type == "collision"]
+        """Ids of those that a collision ends, and of objects that are driven into."""
+        rows = [each for each in self.events if each.type == "collision"]
         return frozenset(n for row in rows for n in (row.from_, row.to) if n is not None)
 
     def list_colours(self) -> Mapping[str, list[Colour | None]]:
@@ -253,14 +278,14 @@ class ExportedScene:
 
     def find_event_step(self) -> int:
         """Step of the first collision, else of the first event, else the middle of the scene."""
-        events = [each for each in self.record.events if each.time is not None]
+        events = [each for each in self.events if each.time is not None]
         first = min(events, key=lambda each: (each.type != "collision", each.time), default=None)
         return self.steps // 2 if first is None else round((first.time or 0.0) / self.step)
 
     def list_event_agents(self) -> list[int]:
-        """Ids of the agents of the events that are in the scene, in order of the events."""
-        present = {agent.id for agent in self.agents}
-        ids = [n for event in self.record.events for n in (event.from_, event.to)]
+        """Ids of agents and objects of the events that are there, in order of the events."""
+        present = {each.id for each in (*self.agents, *self.objects)}
+        ids = [n for event in self.events for n in (event.from_, event.to)]
         return [n for n in dict.fromkeys(ids) if n in present and n is not None]
 
 

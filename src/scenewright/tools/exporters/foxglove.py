@@ -88,8 +88,8 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, A
         ]
         yield "/agents", nanos, {"deletions": [], "entities": boxes}
     yield from _list_lights(scene)
-    names = {agent.id: agent.name for agent in scene.agents}
-    for event in scene.record.events:
+    names = {each.id: each.name for each in (*scene.agents, *scene.objects)}
+    for event in scene.events:
         if event.time is not None:
             nanos = round((event.time - scene.offset * scene.step) * 1e9)
             message = f"{event.type}: {names.get(event.from_ or 0)}, {names.get(event.to or 0)}"

@@ -2,8 +2,8 @@
 
 `replay` gives every agent its trajectory, vertex by vertex. `reactive` gives it a route, a profile
 of speeds and a trigger, so that a simulator's own drivers can react: who drives on lanes gets the
-lanes, who walks or rides beside them a line without times. Where an agent is to meet the ego and
-enters after it, it sets off when the ego gets where it was at that moment.
+lanes, who walks, rides beside them or takes part in an event a line without times. Where an agent
+is to meet the ego and enters after it, it sets off when the ego gets where it was at that moment.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from scenewright.geometry.kinematics import differentiate
 from scenewright.geometry.polyline import (
-    drop_doubled_points,
+    measure_arc_lengths,
+    measure_courses,
     measure_distances,
     resample_by_spacing,
 )
@@ -27,9 +29,9 @@ from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedSc
 from scenewright.tools.exporters.opendrive import Road, make_roads, number_signals, write_opendrive
 from scenewright.tools.exporters.xml_writing import add, write_bytes
 
-LINE_SPACING, SPEED_SPACING = 2.0, 0.5
+LINE_SPACING, SPEED_SPACING = 1.0, 0.5
 """Between the points of a line without times [m], and between entries of a speed profile [s]."""
-OFF_LANES = 3.0
+OFF_LANES = 0.6
 """Who is further than this from the middle of all lanes of its route does not drive on them [m]."""
 REAR_AXLE = 0.3
 """Of its length a vehicle's rear axle, its reference point, lies behind its middle."""
@@ -39,8 +41,9 @@ TRIGGER_RADIUS = 2.0
 """How near the ego comes to the place that sets another agent off [m]."""
 
 _Element = ElementTree.Element
-_Starter = tuple[str, FloatArray] | float | str
-"""The ego's name and a point that it is to reach; or a time [s], or the parameter that holds it."""
+_Starter = tuple[str, FloatArray, float] | float | str
+"""A name, a point that it is to reach, and how long after that [s]; or a time [s], or the parameter
+that holds it."""
 _Roads = Mapping[str, Road]
 _Way = list[tuple[Road, float]]
 """Places on the lanes that one drives on: the road and the distance along it [m]."""
@@ -55,7 +58,8 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
     if scene.ego_named:
         scene = scene.begin_at_ego()
     scene = replace(
-        scene, agents=tuple(_refer_to_axle(agent) for agent in scene.agents),
+        scene, ego=_refer_to_axle(scene.ego),
+        agents=tuple(_refer_to_axle(agent) for agent in scene.agents),
         objects=tuple(_refer_to_axle(agent) for agent in scene.objects),
     )  # fmt: skip
     root = build_header(scene)
@@ -110,9 +114,10 @@ def _scale_speed(agent: ExportedAgent, k: int, form: str) -> float | str:
 
 
 def _refer_to_axle(agent: ExportedAgent) -> ExportedAgent:
-    """The agent with the places of its reference point, of a vehicle the rear axle."""
+    """The agent with the motion of its reference point, of a vehicle the rear axle."""
     ahead = np.stack([np.cos(agent.heading), np.sin(agent.heading)], axis=1)
-    return replace(agent, xy=agent.xy - _find_offset(agent) * ahead)
+    xy = agent.xy - _find_offset(agent) * ahead
+    return replace(agent, xy=xy, velocity=differentiate(xy, agent.step))
 
 
 def _find_offset(agent: ExportedAgent) -> float:
@@ -170,9 +175,10 @@ def _add_storyboard(root: _Element, scene: ExportedScene, form: str) -> None:
     add(daytime, "TimeOfDay", animation=False, dateTime=_find_clock(scene))
     act = add(add(board, "Story", name="story"), "Act", name="act")
     roads = make_roads(scene.intersection_map)
-    for agent in scene.agents:
-        left_alone = scene.ego_named and agent.id == scene.ego.id
-        way = _find_way(agent, scene, roads) if left_alone or form == "reactive" else []
+    for each in scene.agents:
+        left_alone = scene.ego_named and each.id == scene.ego.id
+        way = _find_way(each, scene, roads) if left_alone or form == "reactive" else []
+        agent = _enter_on_lane(each, way[0][0]) if way and not left_alone else each
         if agent.first == 0:
             start = _add_start(actions, agent, way, form)
             if left_alone:
@@ -182,6 +188,8 @@ def _add_storyboard(root: _Element, scene: ExportedScene, form: str) -> None:
     for standing in scene.objects:
         if standing.first == 0:
             _add_start(actions, standing, [], form)
+        elif form == "replay":  # with a track, as some players know no other way to come late
+            _add_maneuvers(act, standing, scene, form, [])
         else:
             _add_maneuver(act, standing, float(standing.times[0]), [])
     _add_time_trigger(add(act, "StartTrigger"), 0.0)
@@ -193,18 +201,24 @@ def _add_start(actions: _Element, agent: ExportedAgent, way: _Way, form: str) ->
     """Place and speed at time 0; the element."""
     private = add(actions, "Private", entityRef=agent.name)
     _add_place(add(add(private, "PrivateAction"), "TeleportAction"), agent, way)
-    change = add(add(add(private, "PrivateAction"), "LongitudinalAction"), "SpeedAction")
-    add(change, "SpeedActionDynamics", dynamicsShape="step", dynamicsDimension="time", value=0.0)
-    speed = _scale_speed(agent, 0, form)
-    add(add(change, "SpeedActionTarget"), "AbsoluteTargetSpeed", value=speed)
+    _add_speed(add(private, "PrivateAction"), _scale_speed(agent, 0, form))
     return private
 
 
-def _add_place(parent: _Element, agent: ExportedAgent, way: _Way) -> None:
-    """Where an agent is first: on its lane, as lanes overlap in the junction, or in the world.
+def _add_speed(action: _Element, speed: float | str) -> None:
+    change = add(add(action, "LongitudinalAction"), "SpeedAction")
+    add(change, "SpeedActionDynamics", dynamicsShape="step", dynamicsDimension="time", value=0.0)
+    add(add(change, "SpeedActionTarget"), "AbsoluteTargetSpeed", value=speed)
 
-    Who enters at the map's edge has its axle before its lane begins.
-    """
+
+def _enter_on_lane(agent: ExportedAgent, road: Road) -> ExportedAgent:
+    """The agent from when its axle is on its lane; at the map's edge it enters before that."""
+    on_lane = (k for k, xy in enumerate(agent.xy.tolist()) if road.locate(xy)[0] > 0.0)
+    return agent.shift_start(next(on_lane, 0))
+
+
+def _add_place(parent: _Element, agent: ExportedAgent, way: _Way) -> None:
+    """Where an agent is first: on its lane, as lanes overlap in the junction, or in the world."""
     (x, y), road = agent.xy[0].tolist(), way[0][0] if way else None
     s, t, ahead = (0.0, 0.0, 0.0) if road is None else road.locate((x, y))
     if road is None or not 0.0 < s < road.s[-1]:
@@ -237,15 +251,18 @@ def _add_maneuvers(
         # The agent's speed every half second and at last, which stays after a track's end.
         action = add(event, "PrivateAction")
         profile = add(
-            add(action, "LongitudinalAction"), "SpeedProfileAction", followingMode="follow"
+            add(action, "LongitudinalAction"), "SpeedProfileAction", followingMode="position"
         )
         stride = max(round(SPEED_SPACING / scene.step), 1)
         last = len(agent.xy) - 1
         for k in sorted({*range(0, last, stride), last}):
             wait = round(min(k, (k - 1) % stride + 1) * scene.step, 3)
             add(profile, "SpeedProfileEntry", speed=_scale_speed(agent, k, "reactive"), time=wait)
-        end = _resample(agent)[-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
-        _add_removal(maneuver, agent, (agent.name, end))
+        end = (
+            _follow_track(agent)[0][-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
+        )
+        _add_removal(maneuver, agent, (agent.name, end, 0.0))
+        _add_stop(maneuver, agent, scene)
 
 
 def _add_maneuver(act: _Element, agent: ExportedAgent, starter: _Starter, way: _Way) -> _Element:
@@ -264,10 +281,13 @@ def _add_maneuver(act: _Element, agent: ExportedAgent, starter: _Starter, way: _
 
 def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Starter:
     """Where the ego was when its partner in an event entered; others start by the clock."""
-    pairs = [{event.from_, event.to} for event in scene.record.events]
+    pairs = [{event.from_, event.to} for event in scene.events]
     k = agent.first - scene.ego.first
     if {agent.id, scene.ego.id} in pairs and 0 < k < len(scene.ego.xy):
-        return scene.ego.name, np.asarray(scene.ego.xy[k])
+        # Who stands there, or creeps, is near it long before.
+        near = np.hypot(*(scene.ego.xy[: k + 1] - scene.ego.xy[k]).T) <= TRIGGER_RADIUS
+        wait = round((k - int(np.argmax(near))) * scene.step, 3)
+        return scene.ego.name, np.asarray(scene.ego.xy[k]), wait
     if agent.role == "foreground" and agent.first > 0:
         return f"${name_parameter('start', agent)}"
     return float(agent.times[0])
@@ -292,6 +312,23 @@ def _add_removal(maneuver: _Element, agent: ExportedAgent, starter: _Starter) ->
     add(entity, "DeleteEntityAction")
 
 
+def _add_stop(maneuver: _Element, agent: ExportedAgent, scene: ExportedScene) -> None:
+    """An event in which the last collision of an agent ends its way."""
+    hits = [e for e in scene.events if e.type == "collision" and agent.id in (e.from_, e.to)]
+    last = max(hits, key=lambda each: each.time or 0.0, default=None)
+    names = {each.id: each.name for each in (*scene.agents, *scene.objects)}
+    other = last and names.get((last.to if last.from_ == agent.id else last.from_) or 0)
+    if not other:
+        return
+    event = add(maneuver, "Event", name=f"stop {agent.name}", priority="override",
+                maximumExecutionCount=1)  # fmt: skip
+    action = add(event, "Action", name=f"action stop {agent.name}")
+    _add_speed(add(action, "PrivateAction"), 0.0)
+    condition = _add_condition(add(event, "StartTrigger"), f"{agent.name} has hit {other}")
+    by_entity = _add_entity_condition(condition, agent.name)
+    add(add(by_entity, "CollisionCondition"), "EntityRef", entityRef=other)
+
+
 def _add_trajectory(action: _Element, agent: ExportedAgent, *, held: bool) -> None:
     """The track; one that a collision ends is held for a step, so that no clock misses its end."""
     follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
@@ -310,18 +347,24 @@ def _add_trajectory(action: _Element, agent: ExportedAgent, *, held: bool) -> No
 
 
 def _find_way(agent: ExportedAgent, scene: ExportedScene, roads: _Roads) -> _Way:
-    """Where it drives on lanes: its place, the lanes after that, and their end; else empty."""
-    record = next((each for each in scene.record.agents if each.id == agent.id), None)
-    ways = scene.intersection_map.movements if record is not None else ()
-    used = [m for m in ways if record is not None and record.route.endswith(m.id)]
+    """Where it drives on lanes: its place, the lanes after that, and their end; else empty.
+
+    Who takes part in an event keeps to its own line, unless it is left to the user.
+    """
+    (record,) = (each for each in scene.record.agents if each.id == agent.id)
+    used = [m for m in scene.intersection_map.movements if record.route.endswith(m.id)]
+    left_alone = scene.ego_named and agent.id == scene.ego.id
+    if agent.id in scene.list_event_agents() and not left_alone:
+        return []
     chains = [chain for way in used for chain in _list_chains(way.lanelets, roads)]
-    line = _resample(agent)
     if agent.type == "pedestrian" or not chains:
         return []
-    apart = [_measure_distance(line, chain) for chain in chains]
+    lines = [_follow_track(_enter_on_lane(agent, chain[0]))[0] for chain in chains]
+    apart = [_measure_distance(*each) for each in zip(lines, chains, strict=True)]
     if min(apart) > OFF_LANES:
         return []
-    chain = chains[int(np.argmin(apart))]
+    best = int(np.argmin(apart))
+    line, chain = lines[best], chains[best]
     first = int(np.argmin([_measure_distance(line[:1], [road]) for road in chain]))
     start, *_ = chain[first].locate((float(line[0, 0]), float(line[0, 1])))
     end = float(chain[-1].s[-1]) - INSIDE
@@ -352,29 +395,34 @@ def _measure_distance(points: FloatArray, chain: Sequence[Road]) -> float:
     return float(measure_distances(points, middle).min(axis=1).max())
 
 
-def _resample(agent: ExportedAgent) -> FloatArray:
-    """[n, 2] the track and the intended route behind it, at even distances [m]."""
-    line = drop_doubled_points(np.concatenate([agent.xy, agent.route_ahead[1:]]))
-    return resample_by_spacing(line, LINE_SPACING) if len(line) > 1 else line
+def _follow_track(agent: ExportedAgent) -> tuple[FloatArray, FloatArray]:
+    """[n, 2] places of the track and of the intended route behind it, and [n] headings there.
+
+    Two at least; who stands gets a place ahead.
+    """
+    arc = measure_arc_lengths(agent.xy)
+    kept = np.unique(np.searchsorted(arc, np.append(np.arange(0, arc[-1], LINE_SPACING), arc[-1])))
+    line = np.concatenate([agent.xy[kept], agent.route_ahead[1:]])
+    courses = measure_courses(agent.route_ahead)
+    heading = np.concatenate([agent.heading[kept], wrap_angles(courses)])
+    if len(line) == 1:
+        ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
+        line, heading = np.stack([line[0], line[0] + INSIDE * ahead]), heading.repeat(2)
+    return line, heading
 
 
 def _add_way(action: _Element, agent: ExportedAgent, way: _Way) -> None:
     """The lanes to drive on, or the line to go along where there are none."""
     if not way:
         # A trajectory without times: where to go, not when.
-        line = _resample(agent)
-        if len(line) < 2:
-            ahead = np.array([np.cos(agent.heading[-1]), np.sin(agent.heading[-1])])
-            line = np.stack([line[0], line[0] + INSIDE * ahead])
         follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
         path = add(
             add(follow, "TrajectoryRef"), "Trajectory", name=f"way {agent.name}", closed=False
         )
         add(path, "ParameterDeclarations")
         shape = add(add(path, "Shape"), "Polyline")
-        slope = np.gradient(line, axis=0)
-        for xy, heading in zip(line, np.arctan2(slope[:, 1], slope[:, 0]).tolist(), strict=True):
-            _add_position(add(shape, "Vertex"), xy, heading)
+        for xy, heading in zip(*_follow_track(agent), strict=True):
+            _add_position(add(shape, "Vertex"), xy, float(heading))
         add(add(follow, "TimeReference"), "None")
         add(follow, "TrajectoryFollowingMode", followingMode="position")
         return
@@ -400,16 +448,20 @@ def _add_time_trigger(trigger: _Element, time: float | str) -> None:
     add(value, "SimulationTimeCondition", value=time, rule="greaterOrEqual")
 
 
-def _add_place_trigger(trigger: _Element, name: str, xy: FloatArray) -> None:
-    """When an agent gets there."""
-    by_entity = add(_add_condition(trigger, f"{name} is there"), "ByEntityCondition")
-    add(add(by_entity, "TriggeringEntities", triggeringEntitiesRule="any"), "EntityRef",
-        entityRef=name)  # fmt: skip
-    condition = add(by_entity, "EntityCondition")
+def _add_place_trigger(trigger: _Element, name: str, xy: FloatArray, wait: float) -> None:
+    """So long after an agent gets there [s]."""
+    condition = _add_entity_condition(_add_condition(trigger, f"{name} is there", wait), name)
     reach = add(condition, "ReachPositionCondition", tolerance=TRIGGER_RADIUS)
     _add_position(reach, xy, None)
 
 
-def _add_condition(trigger: _Element, name: str) -> _Element:
+def _add_entity_condition(condition: _Element, name: str) -> _Element:
+    by_entity = add(condition, "ByEntityCondition")
+    add(add(by_entity, "TriggeringEntities", triggeringEntitiesRule="any"), "EntityRef",
+        entityRef=name)  # fmt: skip
+    return add(by_entity, "EntityCondition")
+
+
+def _add_condition(trigger: _Element, name: str, delay: float = 0.0) -> _Element:
     group = add(trigger, "ConditionGroup")
-    return add(group, "Condition", name=name, delay=0.0, conditionEdge="none")
+    return add(group, "Condition", name=name, delay=delay, conditionEdge="none")
