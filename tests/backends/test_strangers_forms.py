@@ -70,9 +70,9 @@ def test_nothing_is_planned_that_was_not_said(text: str, meant: str) -> None:
     ("first", "change", "meant"),
     [
         ("A car runs the red light at about 30 mph and hits a taxi",
-         "let the car come at 25 mph instead of 30", "The car drives at 11.2 m/s."),
+         "let the car come at 25 mph instead of 30", "The car drives at 40.2 km/h."),
         ("A car goes at 30 km/h and hits a taxi", "have the car come 10 km/h slower",
-         "The car drives at 8.33 m/s."),
+         "The car drives at 30 km/h."),
         ("A lorry turning right hits a boy on a bike", "the cyclist should be a girl",
          "The truck collides with the cyclist."),
     ],
