@@ -127,6 +127,10 @@ def make_batch(
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
     the reason and stop nothing.
     """
+    from scenewright.dataset.batch.pool import start_server
+
+    if not dry_run and run.engine != "ray" and Path(rows).is_file():
+        start_server()
     from scenewright.dataset.batch.manifest import EXPORTS, list_scenes
     from scenewright.dataset.batch.run import Request, parse_shard, predict_run, run_batch
     from scenewright.graph.export import export

@@ -50,7 +50,7 @@ TEXTS = (
     "A car T-bones a bus",
 )
 SEEDS = {TEXTS[5]: 2, TEXTS[11]: 2, TEXTS[12]: 2}
-"""Of scenes in which what others do by chance is not what the oracles take it for; 1 of the rest."""
+"""Where seed 1 makes others do by chance what the oracles take for something else."""
 Truth = bool | None
 """Whether a scene has what words say; None where an oracle cannot tell."""
 Fact = tuple[ClaimType, str, Truth]

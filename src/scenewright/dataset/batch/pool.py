@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
@@ -90,6 +91,13 @@ class _Worker(Generic[JobT]):
         self.pipe.close()
         self.process.kill()
         self.process.join()
+
+
+def start_server() -> None:
+    """Begin to load what workers need, while the rows are still being read."""
+    if _choose_context().get_start_method() == "forkserver":
+        with _use_one_thread():
+            forkserver.ensure_running()
 
 
 def _choose_context() -> ForkServerContext | SpawnContext:
