@@ -18,7 +18,13 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import LatLon, unproject_ellipsoid
-from scenewright.geometry.polyline import drop_doubled_points, measure_length, measure_turn
+from scenewright.geometry.polyline import (
+    drop_doubled_points,
+    measure_courses,
+    measure_length,
+    measure_turn,
+    resample_by_spacing,
+)
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat, require_sumo
 from scenewright.tools.map_import.driving_side import (
@@ -68,6 +74,8 @@ _LANE_REACH = 120.0
 """Lanes are followed that far out of the junction [m]."""
 _STRAIGHT = math.radians(35.0)
 _COLOURS: Mapping[str, Colour] = {"g": "green", "y": "yellow", "o": "green"}
+_DETOUR = math.radians(80.0)
+"""How far a way turns back at least that goes round a turn that is banned."""
 _CUT_OUT = "cut out the surroundings of the junction first"
 
 
@@ -449,7 +457,8 @@ def _trace_connections(
             continue
         done.add(lane.getID())
         if lane.getID() in exits and lane is not start:
-            yield SurveyConnection(approach, lane.getID(), line - middle, light)
+            if group.is_roundabout or not is_detour(line):
+                yield SurveyConnection(approach, lane.getID(), line - middle, light)
             continue
         for link in lane.getOutgoing():
             after = link.getToLane()
@@ -466,6 +475,13 @@ def _trace_connections(
                 todo,
                 (measure_length(longer), count, after, longer, light or _find_light(link)),
             )
+
+
+def is_detour(line: FloatArray) -> bool:
+    """Whether a way [T, 2] turns one way and back the other, as one round a banned turn does."""
+    courses = measure_courses(resample_by_spacing(line, 1.0))
+    back = float(np.ptp(courses)) - abs(float(courses[-1] - courses[0]))
+    return back > _DETOUR
 
 
 def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
