@@ -87,7 +87,8 @@ def test_a_change_is_read_as_it_is_meant(first: str, change: str, meant: str) ->
     ("words", "mended"),
     [
         ("a buss and a trcuk lfet", "a bus and a truck left"),
-        ("a man from the esat", "a man from the east"), ("a tram", "a tram"), ("Sven", "Sven"),
+        ("a man from the esat", "a man from the east"),
+        ("an ambulence at nite", "an ambulance at nite"), ("a tram", "a tram"), ("Sven", "Sven"),
         ("eighty frogs", "eighty frogs"),
     ],
 )  # fmt: skip

@@ -37,7 +37,8 @@ def _mend_word(word: str) -> str | None:
 
 def _is_slip(word: str, meant: str) -> bool:
     if len(word) == len(meant):
-        return sorted(word) == sorted(meant)
+        other = sum(a != b for a, b in zip(word, meant, strict=True))
+        return sorted(word) == sorted(meant) or (len(word) >= 8 and other == 1)  # "ambulence"
     short, long = sorted((word, meant), key=len)
     if long[-1] == long[-2] and long[:-1] == short:
         return True  # "buss"
