@@ -88,6 +88,20 @@ def test_an_order_without_a_count_of_a_kind_is_refused(text: str) -> None:
         read_order(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("2 collisions at 8 am and 2 yields at 11 pm", "one time of day, this one 8 am and 11 pm"),
+        ("4 collisions in the morning and 4 yields at noon", "one time of day"),
+        ("10 collisions and 10 purple elephants", "no scene can have: 'elephants'"),
+        ("7 collisions and 6 yields, classes and hours balanced", "no shares .'balanced'"),
+    ],
+)
+def test_nothing_of_an_order_is_dropped(text: str, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        read_order(text)
+
+
 def test_an_order_beyond_reason_is_refused() -> None:
     with pytest.raises(InputError, match="at most"):
         read_order("999999999 collisions")

@@ -12,6 +12,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.events import EVENT_OF_RELATION
 from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.social import SceneContext
+from scenewright.tools.account import list_unknown_words
 
 NORMAL = "normal"
 MOST = 100_000
@@ -146,7 +147,8 @@ def read_order(text: str) -> OrderSpec:
     """The wish that an order in plain language amounts to.
 
     Raises:
-        InputError: it names no counts, or a kind that no relation file serves.
+        InputError: it names no counts, a kind that no relation file serves, shares or several times
+            of day, or what no scene can have.
     """
     words = _split_words(text)
     quotas: list[Quota] = []
@@ -167,6 +169,7 @@ def read_order(text: str) -> OrderSpec:
             f"the order names no count of scenes of a known kind; say, for instance, {EXAMPLE}; "
             f"{_KNOWN_KINDS}"
         )
+    _refuse_unread(" ".join(rest))
     wish = OrderSpec(tuple(_merge_quotas(quotas)), *_parse_setting(" ".join(rest)))
     if wish.count > MOST:
         raise InputError(f"an order is of at most {MOST} scenes, this one of {wish.count}")
@@ -327,6 +330,30 @@ def _merge_quotas(quotas: list[Quota]) -> Iterator[Quota]:
         same = [q for q in quotas if (q.name, q.event, q.rider) == (name, event, rider)]
         leaves = dict.fromkeys(leaf for quota in same for leaf in quota.leaves)
         yield Quota(name, sum(quota.count for quota in same), event, tuple(leaves), rider=rider)
+
+
+def _refuse_unread(rest: str) -> None:
+    """Refuse what an order says besides counts, one time of day and the traffic."""
+    if shares := _SHARES.search(rest):
+        raise InputError(
+            f"an order has counts, no shares ({shares[0]!r}); say how many of each kind, and "
+            "`coverage --fill` orders what a dataset lacks"
+        )
+    left, times = rest, list[str]()
+    for pattern in (*(rf"\b{words}\b" for words in _WINDOWS), _CLOCK):
+        times += re.findall(pattern, left)
+        left = re.sub(pattern, " ", left)
+    if len({*times}) > 1 and not re.search(r"\b(?:between|from|to|until)\b", rest):
+        raise InputError(
+            f"an order has one time of day, this one {' and '.join(times)}; make an order for each"
+        )
+    if unknown := list_unknown_words(rest, None):
+        named = ", ".join(f"'{each.words}' ({each.evidence})" for each in unknown)
+        raise InputError(f"the order says what no scene can have: {named}; {_KNOWN_KINDS}")
+
+
+_SHARES = re.compile(r"\b(?:balanced?|evenly|equal(?:ly)?|spread|proportion\w*|percent|share\w*)\b")
+_CLOCK = r"\b\d{1,2}(?:[:.]\d\d)? (?:am|pm)\b|\b\d{1,2}:\d\d\b"
 
 
 def _parse_setting(rest: str) -> tuple[tuple[tuple[int, int], ...], SceneContext]:

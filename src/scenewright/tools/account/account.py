@@ -65,6 +65,7 @@ class _Judged(NamedTuple):
 
 
 _ANYWAY = _Judged("stands_anyway", evidence="true of every scene made here")
+_NAMES_FIGURE = _Judged("stands_anyway", evidence="says what a figure is of")
 
 
 def prove(
@@ -329,7 +330,7 @@ def _judge_claims(
     grave = [each for each in false if each[0].type in (*_STRICT, "crosswalk")]
     limit = token.unit is not None and not found
     if (limit or not families.isdisjoint(_STANDS)) and not grave:
-        return _ANYWAY
+        return _NAMES_FIGURE if "unit" in families else _ANYWAY
     if not grave and ("manner" in families or (token.text.endswith("ly") and not families)):
         return _Judged("manner", evidence="tracks cannot speak of it")
     if false:
