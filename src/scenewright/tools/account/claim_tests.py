@@ -562,7 +562,7 @@ class NumberTest:
             above = (low + high) / 2 - self.value  # of what is asked for, most lies on one side
             turned = above > 1e-6 if self.bound == "most" else above < -1e-6
             if low - 1e-6 <= self.value <= high + 1e-6 and not (self.bound and turned):
-                return Result(True, f"asked for and measured: {low:.3g} to {high:.3g} {self.unit}")
+                return Result(True, f"as asked for, within {low:.3g} to {high:.3g} {self.unit}")
         missing = Result(False, f"no figure of {self.value:.3g} {self.unit}")
         return missing if known else UNTESTED
 

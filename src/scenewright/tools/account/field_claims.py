@@ -179,7 +179,7 @@ def _test_point(event: Event, number: int, wanted: str) -> Result:
 def _test_figure(value: float, unit: str, pair: frozenset[int], facts: SceneFacts) -> Result:
     for own, low, high, of in facts.list_figures():
         if own == unit and of == pair and low <= value <= high:
-            return Result(True, f"asked for and measured: {low:.3g} to {high:.3g} {unit}")
+            return Result(True, f"as asked for, within {low:.3g} to {high:.3g} {unit}")
     return Result(False, f"no figure of {value:.3g} {unit}")
 
 
