@@ -30,7 +30,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: page-tests demo test lint format bench check crosscheck exports fuzz ray test-vllm test-small-weights docs
 
 demo: $(INSTALLED)
-	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
+	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT) --no-recording
 
 test: $(TOOLS)
 	$(BIN)/scenewright warm  # else every tester compiles the same loops
