@@ -32,6 +32,11 @@ def way(graph: SocialGraph, name: str) -> tuple[str | None, ...]:
     return agent.entry, agent.exit, agent.movement, agent.crosswalk
 
 
+def test_a_light_that_is_red_before_anybody_is_named_is_of_nobody() -> None:
+    graph = graph_of("[light the light is red] although [veh:1 a car] [hit:1>2 hits] [ped:2 a man]")
+    assert not any(each.runs_red for each in graph.agents)
+
+
 def test_a_heading_fixes_the_entry_of_a_vehicle_and_the_exit_of_a_pedestrian() -> None:
     graph = graph_of(
         "[veh:1 A car] [heading:1 northbound] [hit:1>2 hits] [ped:2 a man] walking "

@@ -115,9 +115,8 @@ class SceneFacts:
     def waits_at_red(self, number: int) -> bool:
         """Whether an agent stands before the junction while its stop line or crosswalk is red."""
         agent, step = self.agents[number], self.scene.meta.step
-        own = (
-            f"{agent.crosswalk}:crosswalk" if agent.type == "pedestrian" else f"{agent.entry}:stop"
-        )
+        walks = agent.type == "pedestrian"
+        own = f"{agent.crosswalk}:crosswalk" if walks else f"{agent.entry}:stop"
         red = [
             (each.start, each.end)
             for each in self.scene.signals
@@ -125,7 +124,7 @@ class SceneFacts:
         ]
         return any(
             start <= agent.spawn_time + k * step < end
-            and (agent.type == "pedestrian" or self._is_before_line(agent.trajectory[k], own))
+            and (walks or self._is_before_line(agent.trajectory[k], own))
             for k in np.flatnonzero(self.compute_speed(number) < _STANDING)
             for start, end in red
         )

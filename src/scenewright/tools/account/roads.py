@@ -20,12 +20,15 @@ def name_roads(
 ) -> tuple[Token, ...]:
     """The tokens of a text with one for each name of a street, "5th Avenue NE", of sense `road`."""
     names = _list_names(intersection_map)
+    starts = {"", *(name.partition(" ")[0] for name in names)}  # "" of an article or a stop
+    starts |= {"street"} if "saint" in starts else set()  # "St" alone
     found: list[Token] = []
     places: list[int] = []  # where each token went
     at = 0
     while at < len(tokens):
         token, many = tokens[at], 1
-        for length in range(min(_LONGEST, len(tokens) - at), 0, -1):
+        begins = expand_name(token.text).partition(" ")[0] in starts
+        for length in range(min(_LONGEST, len(tokens) - at), 0, -1) if begins else ():
             words = text[token.start : tokens[at + length - 1].end]
             name = expand_name(words)
             typed = token.capital or not TYPES.isdisjoint(name.split())

@@ -680,14 +680,15 @@ def _read_light(result: Interpretation, span: ReadSpan) -> None:
     if _STOPS.search(span.words) and _IS_RED.search(span.words):
         agents = result.list_agents(span.subjects)
         result.draft.measures += [MeasureDraft("wait", e, None, *_AT_RED) for e in agents]
-    if not _STILL_RED.search(around) or not _IS_RED.search(said) or _STOPS.search(result.text):
-        result.enter(span, "signals", span.subjects)
-        return
     named = [s for s in result.spans if s.tag in ("ref", *MENTIONS) and s.subjects]
-    after = [s for s in named if 0 <= s.start - span.end <= len(" for the ")]
-    before = [s for s in named if s.start < span.start]
-    subjects = span.subjects or (after[:1] or before[-1:])[0].subjects
-    _run_red(result, replace(span, tag="red", subjects=subjects, negated=False))
+    after = [s.subjects for s in named if 0 <= s.start - span.end <= len(" for the ")]
+    before = [s.subjects for s in named if s.start < span.start]
+    owners = [each for each in (span.subjects, *after, *reversed(before)) if each]
+    goes_on = _STILL_RED.search(around) and _IS_RED.search(said) and not _STOPS.search(result.text)
+    if goes_on and owners:
+        _run_red(result, replace(span, tag="red", subjects=owners[0], negated=False))
+    else:
+        result.enter(span, "signals", span.subjects)
 
 
 _AT_RED = (0.5, 25.0)
