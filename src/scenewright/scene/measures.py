@@ -55,7 +55,7 @@ UNITS: dict[MeasureKind, MeasureUnit] = {
 }
 
 
-_MOST: dict[str, dict[str, float]] = {
+MOST_OF_CLASS: dict[str, dict[str, float]] = {
     "pedestrian": {"speed": 4.5, "line_speed": 4.5, "acceleration": 3.0, "braking": 3.0},
     "cyclist": {"speed": 9.0, "line_speed": 9.0, "acceleration": 2.0, "braking": 3.5},
     "scooter": {"speed": 7.0, "line_speed": 7.0, "acceleration": 2.0, "braking": 3.5},
@@ -100,7 +100,7 @@ class Measure(Model):
 def find_excess(measure: Measure) -> FieldError | None:
     """What no agent of its class can show, at the bound that is out of reach."""
     of, known = measure.agent.partition("-")[0], UNITS[measure.kind]
-    most = _MOST.get(of, {}).get(measure.kind, known.most)
+    most = MOST_OF_CLASS.get(of, {}).get(measure.kind, known.most)
     what = f"{measure.kind} of a {of} is {known.least:g} to {most:g} {known.unit}"
     if measure.low > most:
         return FieldError(what, "low")

@@ -18,7 +18,7 @@ from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import ReadSpan
 from scenewright.backends.builtin.reader.words import compile_words
 from scenewright.scene.kinds import has_trait
-from scenewright.scene.measures import UNITS, MeasureKind
+from scenewright.scene.measures import MOST_OF_CLASS, UNITS, MeasureKind
 
 NUMBERS = ("speed", "headway", "gap", "dist", "wait", "when", "decel", "accel", "point")
 """Tags whose words give a figure."""
@@ -33,13 +33,11 @@ _NEEDS = {
     "acceleration": "m/s2", "headway": "s", "gap": "m", "pet": "s", "ttc": "s", "time": "s",
     "wait": "s", "line_distance": "m",
 }  # fmt: skip
-_MOST: dict[str, dict[str, float]] = {
+_MOST = MOST_OF_CLASS | {
     "vehicle": {"braking": 8.0},
-    "pedestrian": {"speed": 3.0, "line_speed": 3.0, "acceleration": 3.0, "braking": 3.0},
-    "cyclist": {"speed": 9.0, "line_speed": 9.0, "acceleration": 2.0, "braking": 3.5},
-    "scooter": {"speed": 7.0, "line_speed": 7.0, "acceleration": 2.0, "braking": 3.5},
+    "pedestrian": MOST_OF_CLASS["pedestrian"] | {"speed": 3.0, "line_speed": 3.0},
 }
-"""The most of a class, where it is less than a scene can have (SEMANTICS 5 and 8)."""
+"""The most that words ask of a class; a plan file may have people run faster."""
 
 _FAST = compile_words("asked_numbers.fast")
 _SLOW = compile_words("asked_numbers.slow")

@@ -694,7 +694,7 @@ def _read_light(result: Interpretation, span: ReadSpan) -> None:
 _AT_RED = (0.5, 25.0)
 """How long who waits at a red light stands there at least and at most [s]."""
 _NEAR_LIGHT = 24
-"""Characters around words of a light in which one says that somebody goes all the same."""
+"""Characters before and after words of a light that are searched for "although" and the like."""
 _STILL_RED = re.compile(r"\b(?:while|although|though|but|despite|even)\b", re.IGNORECASE)
 _IS_RED = re.compile(r"\bred\b", re.IGNORECASE)
 
