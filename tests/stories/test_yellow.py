@@ -18,7 +18,7 @@ from scenewright.memory.threads import Threads
      "A van running a yellow light almost hits a cyclist"],
 )  # fmt: skip
 def test_who_passes_on_yellow_meets_whom_the_lights_let_go(text: str) -> None:
-    scene = synthesize(text, seed=4, refiner="none")
+    scene = synthesize(text, seed=1, refiner="none")
     assert scene.proof.build_verdict()["caveat"] == ""
     assert {each.state for each in scene.proof.account} == {"seen"}
     assert not any(agent.violates_signal for agent in scene.record.agents)

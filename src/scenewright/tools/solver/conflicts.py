@@ -45,6 +45,9 @@ _STEPS, _SOLVED = 4, 4
 """Offsets that are tried with one draw of responses; and pairs of responses for which others are
 solved for."""
 
+_UNLAWFUL = 3
+"""Conflicts that the lights never allow after which other paths and speeds are tried."""
+
 _WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
 """Braking below this [m/s^2] is hardly a reaction."""
 
@@ -170,11 +173,17 @@ class ConflictSampler:
     _taken: set[float] = field(default_factory=set, init=False)
     _faulty: set[float] = field(default_factory=set, init=False)
     _steps: int = field(default=0, init=False)
+    _unlawful: int = field(default=0, init=False)
     _seed: int = field(default=0, init=False)
 
     def sample(self, draws: Iterable[Draw]) -> Iterator[PartialSchedule]:
         """List schedules (lazily) with conflicts as wanted, one a draw at most."""
-        yield from filter(None, map(self.settle, draws))
+        for draw in draws:
+            found = self.settle(draw)
+            if found is not None:
+                yield found
+            elif self._unlawful >= _UNLAWFUL:
+                return
 
     @cached_property
     def _meetings(self) -> Intervals:
@@ -207,8 +216,12 @@ class ConflictSampler:
             found, other = self._respond(draw, (a, b), unaware)
             if found is not None:
                 self._taken.add(delta)
-            if found is not None or other is None:
-                return found
+                if self.context.do_lights_allow(found):
+                    return found
+                self._unlawful += 1
+                return None
+            if other is None:
+                return None
             delta = other
         return None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 
@@ -65,6 +65,7 @@ class SolverContext:
     busy: frozenset[str] = frozenset()
     pushed: Mapping[str, str] = field(default_factory=dict)
     pets: Mapping[Pairing, TimeGap] = field(default_factory=dict)
+    do_lights_allow: Callable[[PartialSchedule], bool] = lambda _: True
     _conflicts: dict[Pairing, PathConflict] = field(default_factory=dict, init=False)
 
     @cached_property

@@ -353,6 +353,7 @@ class Search:
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
             yielding_model=self._pool.yielding_model, red_light_starts={**red_light_starts, **held},
             figures=self._figures, reactions=self._reactions, strikers=self._strikers,
+            do_lights_allow=lambda schedule: bool(self._find_lawful_offsets(schedule).any()),
         )  # fmt: skip
         stage = ForegroundSolver(context)
         met = {name: self._get_meeting(name, choice) for name in self._to_meet}
