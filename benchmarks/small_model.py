@@ -23,7 +23,7 @@ from inlined_schema import inline_references
 
 from scenewright import synthesize, verify
 from scenewright.backends import STAGE_OF, TASKS, Backend, Prompt, Question, Task, load_backend
-from scenewright.backends.staged import StagedBackend
+from scenewright.backends.choosing import StagedBackend
 from scenewright.backends.text_backend import Completion, TextBackend
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.graph.run import Scene

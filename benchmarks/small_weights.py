@@ -32,7 +32,7 @@ from small_model import holds
 
 from scenewright import synthesize
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
-from scenewright.backends.staged import StagedBackend
+from scenewright.backends.choosing import StagedBackend
 from scenewright.cli.plan import ask_for_plan
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.evals.planning import PlanningShare

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.driving.summary import describe_rate
+from scenewright.driving.benchmark_report import describe_rate
 from scenewright.evals.realism.sources import TrackSource, read_source
 from scenewright.evals.realism.two_sample import classify_motion
 from scenewright.geometry.kinematics import smooth

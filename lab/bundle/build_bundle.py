@@ -34,7 +34,7 @@ from scenewright.tools.fitting.custom_bundle import find_version
 from scenewright.tools.fitting.path_frame import FLOOR
 from scenewright.tools.gmm_sampler.priors import HOURS, compute_checksum, save_priors
 from scenewright.tools.simulation.corpus import Progress
-from scenewright.tools.simulation.demand import Demand, read_demand
+from scenewright.tools.simulation.sumo_run import Demand, read_demand
 
 _LICENCE = "Apache-2.0"
 _LICENCE_NOTE = """\

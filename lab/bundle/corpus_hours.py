@@ -24,8 +24,7 @@ from scenewright.tools.simulation.corpus import (
     build_footways,
     clean_trip,
 )
-from scenewright.tools.simulation.demand import HOURS, Demand
-from scenewright.tools.simulation.sumo_run import SumoTrack, read_collided
+from scenewright.tools.simulation.sumo_run import HOURS, Demand, SumoTrack, read_collided
 from scenewright.tools.track_io.recording import Split
 
 SPLITS: tuple[Split, ...] = ("fit", "validation", "test")

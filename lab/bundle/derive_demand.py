@@ -10,7 +10,7 @@ from pathlib import Path
 
 from scenewright.errors import InputError
 from scenewright.scene.base import Compass
-from scenewright.tools.simulation.demand import HOURS, Demand, Hourly
+from scenewright.tools.simulation.sumo_run import HOURS, Demand, Hourly
 
 _BUSIEST_SIGNALS = 10
 _LEAST_MINUTES, _MOST_MINUTES = 45.0, 75.0

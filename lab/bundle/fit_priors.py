@@ -21,9 +21,9 @@ from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.tools.fitting.fit_driving_profiles import fit_driving_profiles
 from scenewright.tools.fitting.path_frame import FLOOR
-from scenewright.tools.gmm_sampler.jaywalking import build_jaywalking_mixture
+from scenewright.tools.fitting.simulated_priors import fit_driving_profiles
+from scenewright.tools.gmm_sampler.assumed_priors import build_jaywalking_mixture
 from scenewright.tools.gmm_sampler.priors import (
     DIMENSIONS,
     HOURS,

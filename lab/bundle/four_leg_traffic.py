@@ -13,9 +13,9 @@ from scenewright.errors import InputError
 from scenewright.scene.base import Compass
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.tools.map_import.compass import rotate_compass
-from scenewright.tools.simulation.demand import Demand
 from scenewright.tools.simulation.sumo_network import name_edge
 from scenewright.tools.simulation.sumo_run import (
+    Demand,
     Departure,
     SumoTrack,
     draw_arrivals,

@@ -28,10 +28,8 @@ from lab.bundle.four_leg_plan import PLANS, FourLegPlan
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.simulation.corpus import Progress
-from scenewright.tools.simulation.corpus_recordings import build_agents, find_jam_time
-from scenewright.tools.simulation.demand import HOURS, Demand, read_demand
-from scenewright.tools.simulation.sumo_run import WARM_UP
+from scenewright.tools.simulation.corpus import Progress, build_agents, find_jam_time
+from scenewright.tools.simulation.sumo_run import HOURS, WARM_UP, Demand, read_demand
 from scenewright.tools.track_io import Recording, Split, save_recordings
 
 _MIN_HOURS, _MAX_HOURS = len(SPLITS), HOURS * DAYS

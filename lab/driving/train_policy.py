@@ -17,9 +17,14 @@ import numpy as np
 from sklearn.neural_network import MLPRegressor
 
 from scenewright.driving.api import load_scenario
-from scenewright.driving.learned_policy import WEIGHTS, apply_layers, build_features
 from scenewright.driving.observation import Observer
-from scenewright.driving.policies import NORMAL, RuleBasedPolicy
+from scenewright.driving.policies import (
+    NORMAL,
+    WEIGHTS,
+    RuleBasedPolicy,
+    apply_layers,
+    build_features,
+)
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.traffic import make_traffic
 from scenewright.driving.world import start_world

@@ -15,9 +15,8 @@ import numpy as np
 
 from lab.rollouts.condition_prior import condition_prior
 from scenewright.errors import InputError
-from scenewright.geometry.along import sample_poses
 from scenewright.geometry.driving_profile import compute_motion
-from scenewright.geometry.spline import SPACING, build_even_path
+from scenewright.geometry.spline import SPACING, build_even_path, sample_poses
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, DrivingProfile, K, Path

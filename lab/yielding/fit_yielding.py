@@ -23,8 +23,8 @@ from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.yielding_behavior import LEVELS, Quantiles, YieldingBehavior, YieldingModel
-from scenewright.tools.gmm_sampler.yielding_files import (
+from scenewright.scene.reaction_behavior import LEVELS, Quantiles, YieldingBehavior, YieldingModel
+from scenewright.tools.gmm_sampler.priors import (
     AccelerationProfile,
     AccelerationProfiles,
 )

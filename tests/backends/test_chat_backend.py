@@ -28,7 +28,7 @@ from benchmarks.inlined_schema import inline_references
 from leaving import YIELD
 from scenewright import synthesize, verify
 from scenewright.backends import Prompt, Question, load_backend
-from scenewright.backends.chat import ChatModel, Limits, load_chat_model, naming, retry, transport
+from scenewright.backends.chat import ChatModel, Limits, load_chat_model, naming, retry
 from scenewright.backends.chat.retry import RetryPolicy
 from scenewright.backends.text_backend import TextBackend
 from scenewright.cli.main import main
@@ -493,4 +493,4 @@ def test_a_proxy_is_the_environments(
     for name in ("HTTP_PROXY", "HTTPS_PROXY"):
         monkeypatch.setenv(name, "http://127.0.0.1:3128")
     monkeypatch.setenv("NO_PROXY", "inside.example")
-    assert transport._find_proxy(url) == proxy
+    assert naming._find_proxy(url) == proxy

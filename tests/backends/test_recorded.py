@@ -12,8 +12,8 @@ import pytest
 from backends.misbehaving import KEY
 from scenewright import synthesize
 from scenewright.backends import Prompt, Question, Task, load_backend
+from scenewright.backends.choosing import StagedBackend
 from scenewright.backends.recorded import Answers, record_answers, replay_answers
-from scenewright.backends.staged import StagedBackend
 from scenewright.backends.text_backend import Completion
 from scenewright.errors import BackendFault, InputError
 from scenewright.graph.run import encode_scene

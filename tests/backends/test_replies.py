@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenewright.backends.reading import LONGEST, Unreadable, extract_object
+from scenewright.backends.text_backend import LONGEST, Unreadable, extract_object
 
 _TEXT = st.text(st.characters(exclude_categories=("C",)), max_size=12)
 _VALUES = st.recursive(

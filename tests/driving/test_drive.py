@@ -14,7 +14,6 @@ import pytest
 from exported_scenes import make_agent, make_line, make_record
 from scenewright.cli.main import main
 from scenewright.driving.ego_motion import EgoState, move_ego
-from scenewright.driving.footprints import find_overlaps
 from scenewright.driving.observation import SHAPES, Observer
 from scenewright.driving.policies import (
     BUILT_IN,
@@ -27,7 +26,7 @@ from scenewright.driving.run_drive import run_drive
 from scenewright.driving.save import save_drive
 from scenewright.driving.scenario import Scenario, build_scenario
 from scenewright.driving.scores import ScoreInputs, measure_comfort, score_epdms, score_nuplan
-from scenewright.driving.world import Replay, start_world
+from scenewright.driving.world import Replay, find_overlaps, start_world
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene, verify
 from scenewright.intersections import load_map

@@ -17,10 +17,9 @@ from scenewright.driving.policies import (
     ReplayPolicy,
     RuleBasedPolicy,
 )
-from scenewright.driving.reachability import find_obstacles
 from scenewright.driving.reactive import AHEAD, _find_speed
 from scenewright.driving.report import report_drive
-from scenewright.driving.run_drive import run_drive
+from scenewright.driving.run_drive import find_obstacles, run_drive
 from scenewright.driving.scenario import COLOURS, Scenario, build_scenario
 from scenewright.driving.single_drive import drive_once
 from scenewright.driving.traffic import make_traffic

@@ -13,7 +13,7 @@ from scenewright.intersections import load_map
 from scenewright.tools.fitting.path_frame import FLOOR
 from scenewright.tools.gmm_sampler import compute_waypoint_nll
 from scenewright.tools.simulation.corpus import resample_path
-from scenewright.tools.simulation.demand import Demand
+from scenewright.tools.simulation.sumo_run import Demand
 
 NAME = "amsterdam_120"
 

@@ -12,8 +12,7 @@ from lab.bundle.record_corpus import main, record_hour, record_traffic, spread_h
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.tools.simulation.corpus import build_footways, clean_trip
-from scenewright.tools.simulation.demand import read_demand
-from scenewright.tools.simulation.sumo_run import WARM_UP
+from scenewright.tools.simulation.sumo_run import WARM_UP, read_demand
 from scenewright.tools.track_io import load_recordings
 
 NAME = "amsterdam_120"

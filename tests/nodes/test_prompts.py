@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from benchmarks.inlined_schema import inline_references
 from scenewright import synthesize
 from scenewright.backends import TASKS, Prompt, Question, load_backend
-from scenewright.backends.staged import StagedBackend
+from scenewright.backends.choosing import StagedBackend
 from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map

@@ -12,7 +12,7 @@ from test_prompts import drawn, fits
 
 from benchmarks.inlined_schema import inline_references
 from scenewright.backends import Question
-from scenewright.backends.staged import StagedBackend
+from scenewright.backends.choosing import StagedBackend
 from scenewright.errors import Rejected
 from scenewright.nodes.revision import Turn, read_by_model
 from scenewright.nodes.revision.prompts import render_edits_prompt

@@ -14,11 +14,11 @@ from conversation import Conversation, agents, events, same
 
 from scenewright.authoring.session import SessionVersion
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
-from scenewright.backends.staged import StagedBackend
+from scenewright.backends.choosing import StagedBackend
 from scenewright.scene.behavior import Segment
-from scenewright.scene.yielding_behavior import YieldingModel
+from scenewright.scene.reaction_behavior import YieldingModel
 from scenewright.tools.gmm_sampler import priors
-from scenewright.tools.gmm_sampler.yielding_files import load_yielding_model
+from scenewright.tools.gmm_sampler.priors import load_yielding_model
 from scripted import build_scripted_backend
 
 YIELD = "A car from the north yields to a pedestrian on the east crosswalk at 5 am"

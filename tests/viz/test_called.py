@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scenewright.scene.account import SaidRecord
-from scenewright.scene.called import call_agents, speak_plainly
+from scenewright.scene.phrasing import call_agents, speak_plainly
 from scenewright.scene.record import SceneRecord
 
 

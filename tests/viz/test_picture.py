@@ -18,7 +18,7 @@ from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.viz import animate_scene, draw_intersection, draw_scene
-from scenewright.viz.animation import AnimatedScene
+from scenewright.viz.animation import AnimatedScene, choose_frame_times
 from scenewright.viz.appearance import (
     BACKGROUND_VEHICLE,
     choose_colours,
@@ -28,7 +28,6 @@ from scenewright.viz.appearance import (
 )
 from scenewright.viz.drawing import Drawing, create_page, measure_block
 from scenewright.viz.fonts import find_unshown, make_drawable, measure_text
-from scenewright.viz.frame_times import choose_frame_times
 from scenewright.viz.painting import paint
 from scenewright.viz.still import draw_page
 from scenewright.viz.video import film_scene

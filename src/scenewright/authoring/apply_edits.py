@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from scenewright.authoring.motion_edits import build_rejection, extend_stop, move_stop, move_time
 from scenewright.scene.base import AgentClass
+from scenewright.scene.candidates import Grounding
 from scenewright.scene.edits import (
     AddAgent,
     AddObject,
@@ -27,7 +28,6 @@ from scenewright.scene.edits import (
     apply_edits,
 )
 from scenewright.scene.frozen_agents import PreviousVersion
-from scenewright.scene.grounding import Grounding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import SocialGraph

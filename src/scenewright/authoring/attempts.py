@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 from scenewright.authoring.apply_edits import Revision
+from scenewright.scene.candidates import AssignedPattern
 from scenewright.scene.frozen_agents import FrozenAgents, without_edits
-from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import RelationEdge, SocialGraph
 from scenewright.scene.track import get_vehicle_shape

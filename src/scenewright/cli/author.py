@@ -79,8 +79,8 @@ def _load_model(
     """The chat model, and what hides its key in whatever is said of it."""
     if name is None:
         return None, lambda text: text
-    from scenewright.backends.chat.faults import quote
     from scenewright.backends.chat.naming import load_chat_model
+    from scenewright.backends.chat.retry import quote
 
     endpoint = load_chat_model(
         name, base_url=base_url, timeout=timeout or _SECONDS, max_tokens=_MOST_TOKENS

@@ -60,7 +60,7 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
     Raises:
         InputError: the file or an option cannot be used; nothing is written.
     """
-    from scenewright.viz.leg_labels import list_unshown_streets
+    from scenewright.viz.intersection_picture import list_unshown_streets
 
     name, center = make_name(options.name), options.center
     if (find_custom_root() / name).exists() and not options.force:
@@ -190,7 +190,7 @@ def _train_refiner(
     """
     from scenewright.intersections import SHIPPED
     from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
-    from scenewright.tools.trajnet_refiner.supervised import RECIPE
+    from scenewright.tools.trajnet_refiner.train import RECIPE
 
     shipped = load_bundled_refiner(SHIPPED)
     recipe = RECIPE.model_copy(update={**GOES_ON, "seed": seed})

@@ -74,9 +74,9 @@ def drive(
     """Drive the ego of a scene with a policy; docs/driving.md says what is measured."""
     from scenewright.driving.api import load_policy, load_scenario
     from scenewright.driving.benchmark import BenchmarkScene, build_row, choose_scenes, load_listed
+    from scenewright.driving.benchmark_report import summarise, summarise_rows
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
-    from scenewright.driving.summary import summarise, summarise_rows
 
     target = None if out is None else target_folder(out, force=None)
     if benchmark == bool(text_or_scene) or (serve is not None and out is not None):

@@ -39,7 +39,7 @@ def adapt_refiner(
     from scenewright.tools.trajnet_refiner.bundle_training import OVERLAP, compute_figures
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.model import Refiner
-    from scenewright.tools.trajnet_refiner.supervised import RECIPE
+    from scenewright.tools.trajnet_refiner.train import RECIPE
 
     recordings = [each for file in files for each in _split_recordings(name, file)]
     serving = find_refiner(name)
@@ -127,7 +127,7 @@ def train_refiner(
         train_bundle,
     )
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
-    from scenewright.tools.trajnet_refiner.supervised import RECIPE
+    from scenewright.tools.trajnet_refiner.train import RECIPE
 
     find_bundle_folder(name)
     recordings = load_recordings(Path(options.corpus))

@@ -10,11 +10,11 @@ from scenewright.cli.console import count, format_one_line
 from scenewright.geometry.map_areas import geos
 from scenewright.scene.account import SaidRecord, SaidSpan, WordState
 from scenewright.scene.base import Point
-from scenewright.scene.called import call_agents
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.kinds import get_kind
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.phrasing import call_agents
 from scenewright.scene.record import SceneRecord
 
 VERBS = {

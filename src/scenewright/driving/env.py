@@ -17,8 +17,7 @@ except ImportError:
     ) from None
 
 from scenewright.driving.ego_motion import ActionMode, find_action_bounds, read_action
-from scenewright.driving.observation import FARTHEST, SHAPES, Observation, Observer
-from scenewright.driving.raster import RASTER_SHAPE
+from scenewright.driving.observation import FARTHEST, RASTER_SHAPE, SHAPES, Observation, Observer
 from scenewright.driving.reactive import Temper
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.traffic import OthersMode, make_traffic
@@ -101,7 +100,7 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
 
     def render(self) -> Any:
         """The bird's-eye picture [96, 96, 3]."""
-        from scenewright.driving.raster import draw_raster
+        from scenewright.driving.observation import draw_raster
 
         if self.world is None or self.render_mode is None:
             return None

@@ -13,8 +13,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenewright.driving.footprints import find_overlaps
 from scenewright.driving.scenario import BoolArray, Scenario
+from scenewright.driving.world import find_overlaps
 from scenewright.scene.base import FloatArray
 
 LENGTH_MARGIN, WIDTH_MARGIN = 0.8, 0.2

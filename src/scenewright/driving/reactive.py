@@ -9,10 +9,9 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.driving.ego_motion import EgoState
-from scenewright.driving.footprints import find_overlaps
 from scenewright.driving.passing_order import find_passing_order
 from scenewright.driving.scenario import COLOURS, KINDS, BoolArray, IntArray, Scenario
-from scenewright.driving.world import OtherStates, compute_recorded_speeds
+from scenewright.driving.world import OtherStates, compute_recorded_speeds, find_overlaps
 from scenewright.scene.base import FloatArray
 from scenewright.scene.reaction_behavior import REACTION_TIME
 

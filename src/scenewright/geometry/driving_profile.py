@@ -24,7 +24,7 @@ from operator import itemgetter
 import numpy as np
 
 from scenewright.compiled import compiled, compiled_to_write
-from scenewright.geometry.along import sample_poses
+from scenewright.geometry.spline import sample_poses
 from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import PACE_STEP, Candidate, DrivingProfile, Path
 from scenewright.scene.selection import Slowing

@@ -18,9 +18,8 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.behavior import Segment
-from scenewright.scene.candidates import Candidate, DrivingProfile, Path
+from scenewright.scene.candidates import AssignedPattern, Candidate, DrivingProfile, Path
 from scenewright.scene.frozen_agents import PreviousAgent, PreviousVersion
-from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.map import Route
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.selection import PlannedEvent, Push, SelectedAgent, Slowing, Stop

@@ -12,11 +12,10 @@ from typing import Annotated, TypedDict
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
-from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.candidates import CandidateSet, Grounding
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.events import Proof
 from scenewright.scene.frozen_agents import FrozenAgents
-from scenewright.scene.grounding import Grounding
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.refinement import Refinement
 from scenewright.scene.rejection import Rejection

@@ -1,4 +1,5 @@
-"""What the agent generator offers for each agent: waypoints, path, time law, likelihoods."""
+"""The routes of each agent (paper 3.1), and what the agent generator offers on them: waypoints,
+path, time law, likelihoods."""
 
 from __future__ import annotations
 
@@ -9,11 +10,34 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.scene.base import AgentClass, FloatArray, frozen
-from scenewright.scene.grounding import RoleAssignment
+from scenewright.scene.base import AgentClass, FloatArray, Model, frozen
 from scenewright.scene.map import Route
+from scenewright.scene.reaction_behavior import YieldingModel
 from scenewright.scene.track import Shape
-from scenewright.scene.yielding_behavior import YieldingModel
+
+
+class AssignedPattern(Model):
+    """How one relation is realised: its pattern, the roles, the red-light runner."""
+
+    edge: int
+    pattern: str
+    from_: str
+    to: str
+    violator: str | None
+
+
+class RoleAssignment(Model):
+    """One consistent choice of routes for all agents of the social graph."""
+
+    routes: dict[str, Route]
+    patterns: tuple[AssignedPattern, ...]
+
+
+class Grounding(Model):
+    """Routes that each agent may travel; at least one `RoleAssignment` over them exists."""
+
+    routes: dict[str, tuple[Route, ...]]
+
 
 K = 10
 """Waypoints per candidate, at equal arc length (SEMANTICS section 6)."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.behavior import Segment
-from scenewright.scene.grounding import AssignedPattern
+from scenewright.scene.candidates import AssignedPattern
 from scenewright.scene.map import Route
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.selection import PlannedEvent, SelectedAgent

@@ -182,7 +182,7 @@ class IntersectionMap(Model):
     @cached_property
     def zone_pairs(self) -> frozenset[frozenset[str]]:
         """Ids of the movements and crosswalks whose swept areas overlap, as unordered pairs."""
-        from scenewright.scene.uturns import find_conflicts
+        from scenewright.scene.route_table import find_conflicts
 
         listed = {frozenset((zone.first, zone.second)) for zone in self.conflict_zones}
         return frozenset(listed.union(*(find_conflicts(each, self) for each in self.uturns)))
@@ -190,7 +190,7 @@ class IntersectionMap(Model):
     @cached_property
     def uturns(self) -> tuple[VehicleMovement, ...]:
         """U-turns that there is room for and that `movements` does not list."""
-        from scenewright.scene.uturns import derive_uturns
+        from scenewright.scene.route_table import derive_uturns
 
         return derive_uturns(self)
 

@@ -1,4 +1,4 @@
-"""How threatened road users react: after what time, in which way, how strongly (SEMANTICS 8).
+"""How road users react to a threat, and yield: when, in which way, how strongly (SEMANTICS 8).
 
 Sources. Reaction time: stated by SEMANTICS section 8 (lognormal, median 1.0 s, 5 to 95 % about 0.6
 to 1.8 s). Recordings do not show it, as drivers there have seen one another long before.
@@ -13,6 +13,7 @@ within one to two steps, that is 0.5 to 1.2 s.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,3 +109,41 @@ def sample_reaction(
     chosen = kind or list(shares)[int(rng.choice(len(shares), p=list(shares.values())))]
     after = REACTION_TIME.sample(rng)
     return Reaction(chosen, after, (HURRY if chosen == RUNS else BRAKING[of]).sample(rng))
+
+
+LEVELS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98)
+"""Levels of the quantiles of every measure."""
+
+Quantiles = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class YieldingBehavior:
+    """How agents of one class yield to agents of another, as quantiles at LEVELS.
+
+    Attributes:
+        rolls: share of those that slow without standing.
+        pace: of these, lowest speed over approach speed; place: where it is driven, from the
+            centre to where the centre enters the zone [m]; margin: from the other's leaving the
+            zone to its own entering [s].
+        gap: of those that stand, from the front to the zone or the stop line ahead, the nearer
+            one [m]; stands: for how long [s]; reacts: from the other's leaving the zone to its
+            own start [s].
+    """
+
+    rolls: float
+    pace: Quantiles
+    place: Quantiles
+    margin: Quantiles
+    gap: Quantiles
+    stands: Quantiles
+    reacts: Quantiles
+
+
+YieldingModel = Mapping[tuple[AgentClass, AgentClass], YieldingBehavior]
+"""By the class that yields and the class that has the right of way."""
+
+
+def sample_quantiles(quantiles: Quantiles, rng: np.random.Generator) -> float:
+    """One value: between the quantiles evenly, none beyond the outermost."""
+    return float(np.interp(rng.uniform(LEVELS[0], LEVELS[-1]), LEVELS, quantiles))

@@ -29,11 +29,35 @@ from scenewright.viz.appearance import (
 )
 from scenewright.viz.basemap import draw_basemap, draw_north, draw_scale
 from scenewright.viz.drawing import INK, SOFT_INK, Drawing, create_page, measure_block
-from scenewright.viz.frame_times import choose_frame_times
 from scenewright.viz.label_placement import LabelLayout
 from scenewright.viz.painting import paint
 from scenewright.viz.road_markings import find_light_positions
 from scenewright.viz.still import EVENT_WORDS, compute_windscreen, draw_fading_lines, draw_objects
+
+SLOW = 1 / 3
+"""Speed at which the moments round an event are shown, as a share of real time."""
+BEFORE, AFTER = 1.2, 0.8
+"""How long [s] before and after an event the animation is slow."""
+ENDING = 2.0
+"""How long [s] an animation goes on after the last event."""
+
+
+def choose_frame_times(scene: SceneRecord, *, fps: int, whole: bool = False) -> FloatArray:
+    """[N] the moment of every frame [s]: slow round each event, ending soon after the last.
+
+    Args:
+        whole: show the scene to its end.
+    """
+    events = [each.time for each in scene.events if each.time is not None]
+    duration = scene.meta.duration
+    end = duration if whole or not events else min(max(events) + ENDING, duration)
+    grid = np.arange(0.0, end + 1e-9, 0.01)
+    slow = np.zeros(len(grid), dtype=bool)
+    for time in events:
+        slow |= (grid >= time - BEFORE) & (grid <= time + AFTER)
+    shown = np.concatenate([[0.0], np.cumsum(np.where(slow, 1 / SLOW, 1.0) * 0.01)[:-1]])
+    return np.asarray(np.interp(np.arange(0.0, shown[-1] + 1e-9, 1.0 / fps), shown, grid))
+
 
 SIDE = 5.4
 HEAD = 0.5

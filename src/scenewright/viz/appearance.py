@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.base import RIDERS, Colour, FloatArray
-from scenewright.scene.called import call_agents
 from scenewright.scene.events import Proof
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.phrasing import call_agents
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord, SegmentStatus
 
 FOREGROUND = (

@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
-from scenewright.scene.called import speak_plainly
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.phrasing import speak_plainly
 from scenewright.scene.record import NEXT_TEXT, SceneRecord
 from scenewright.viz.appearance import (
     DrawnMotion,

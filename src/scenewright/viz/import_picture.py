@@ -14,7 +14,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.viz.appearance import make_printable
 from scenewright.viz.basemap import KeyEntry, draw_basemap, draw_key, draw_north, draw_scale
 from scenewright.viz.drawing import INK, SOFT_INK, Drawing, create_page, measure_block
-from scenewright.viz.leg_labels import (
+from scenewright.viz.intersection_picture import (
     list_unshown_streets,
     name_leg,
     name_place,

@@ -10,9 +10,9 @@ import numpy as np
 
 from scenewright.files import write_atomically
 from scenewright.scene.base import FloatArray
-from scenewright.scene.called import call_agents
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.phrasing import call_agents
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.viz.appearance import (
     BACKGROUND_PEDESTRIAN,

@@ -16,8 +16,7 @@ from scenewright.files import write_atomically
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
-from scenewright.viz.animation import AnimatedScene, Pixels
-from scenewright.viz.frame_times import choose_frame_times
+from scenewright.viz.animation import AnimatedScene, Pixels, choose_frame_times
 
 FPS = 25
 DPI = 160

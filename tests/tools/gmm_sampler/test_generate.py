@@ -20,14 +20,14 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors
+from scenewright.tools.gmm_sampler.assumed_priors import build_rider_priors
 from scenewright.tools.gmm_sampler.background_counts import draw_background_counts
 from scenewright.tools.gmm_sampler.generate import (
     amplify,
     assign_foreground,
     choose_hour,
 )
-from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
-from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
+from scenewright.tools.gmm_sampler.lane_holding import sample_lane_departures
 from scenewright.tools.gmm_sampler.sample import compute_total_mass
 from scenewright.tools.map_grounding.grounding import ground_graph
 

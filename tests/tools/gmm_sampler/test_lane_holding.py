@@ -10,8 +10,8 @@ from scenewright.intersections import load_map
 from scenewright.scene.candidates import K
 from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors, sample_waypoints
 from scenewright.tools.gmm_sampler.lane_holding import ApproachLanes, find_approach_lanes
-from scenewright.tools.gmm_sampler.lateral_wander import sample_lateral_wander
 from scenewright.tools.gmm_sampler.sample import build_paths
+from scenewright.tools.gmm_sampler.wander import sample_lateral_wander
 
 ON, PRIORS = load_map("amsterdam_120"), load_priors("amsterdam_120")
 STRAIGHT = next(r for r in ON.routes if r.id == "vehicle:north>south:straight")

@@ -15,17 +15,18 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.intersections import find_bundle_folder
 from scenewright.scene.constraints import GivesWay, Headway
 from scenewright.scene.map import Route
-from scenewright.scene.yielding_behavior import LEVELS, YieldingBehavior, sample_quantiles
-from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior, replace_accelerations
-from scenewright.tools.gmm_sampler.yielding_files import (
+from scenewright.scene.reaction_behavior import LEVELS, YieldingBehavior, sample_quantiles
+from scenewright.tools.gmm_sampler.priors import (
     FILE,
     AccelerationProfile,
+    DrivingProfilePrior,
     load_acceleration_profiles,
     load_yielding_model,
+    replace_accelerations,
 )
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver
-from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.scheduled_agent import PartialSchedule
 from solver_agents import (
     BARE,
     CAR,

@@ -8,8 +8,8 @@ import pytest
 
 from scenewright.intersections import load_map
 from scenewright.scene.map import Route
+from scenewright.scene.route_table import make_route
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
-from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.grounding import ground_graph, have_conflict, is_on_side
 
 ON = load_map("amsterdam_120")

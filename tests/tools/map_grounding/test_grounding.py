@@ -12,8 +12,8 @@ from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.scene.map import Route
 from scenewright.scene.relations import load_patterns
+from scenewright.scene.route_table import make_route
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
-from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.grounding import (
     can_serve,
     find_assignments,

@@ -9,7 +9,7 @@ import pytest
 
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
-from scenewright.scene.grounding import AssignedPattern, RoleAssignment
+from scenewright.scene.candidates import AssignedPattern, RoleAssignment
 from scenewright.scene.social import AgentNode, EntryTie, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding.grounding import (
     count_signal_conflicts,

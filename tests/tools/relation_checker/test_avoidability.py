@@ -9,8 +9,7 @@ from scenewright.cli.scene_summary import describe_avoidability
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.track import Track
 from scenewright.tools.relation_checker import RoadUser, check, find_events
-from scenewright.tools.relation_checker.avoidability import find_avoidability
-from scenewright.tools.relation_checker.reactions import Sights
+from scenewright.tools.relation_checker.reactions import Sights, find_avoidability
 from scenewright.tools.relation_checker.trajectory import build_trajectories
 
 STRAIGHT = distance(10.0, (0.0, 5.5))

@@ -32,11 +32,10 @@ from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, EncounterRecord, RelationRecord
 from scenewright.scene.track import PEDESTRIAN, Track, get_rider_shape
 from scenewright.tools.relation_checker import RoadUser, check, find_events
-from scenewright.tools.relation_checker.conditions import find_passing_order
+from scenewright.tools.relation_checker.conditions import find_missing_manoeuvre, find_passing_order
 from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.groups import check_groups
-from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
-from scenewright.tools.relation_checker.obstacles import check_encounters
+from scenewright.tools.relation_checker.objects import check_encounters
 
 Copy = Callable[[RoadUser], RoadUser]
 COPIES: dict[str, Copy] = {

@@ -13,9 +13,9 @@ from scenewright.scene.kinds import get_kind
 from scenewright.scene.record import AgentRecord, RelationRecord
 from scenewright.scene.track import PEDESTRIAN, Track
 from scenewright.tools.relation_checker import RoadUser
+from scenewright.tools.relation_checker.conditions import find_missing_manoeuvre
 from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.groups import check_groups
-from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
 from scenewright.tools.relation_checker.motions import SeenMotion, describe_motion, describe_return
 
 GAP = 17.0

@@ -11,7 +11,7 @@ from scenewright.scene.objects import Encounter, EncounterRecord, ObjectRecord
 from scenewright.scene.track import get_rider_shape
 from scenewright.tools.relation_checker import RoadUser, build_trajectory
 from scenewright.tools.relation_checker.events import observe
-from scenewright.tools.relation_checker.obstacles import check_encounters
+from scenewright.tools.relation_checker.objects import check_encounters
 
 VAN = ObjectRecord(
     id="object-1", kind="stalled", subtype="van", height="high",

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from scenewright.scene.track import STEP, Track, get_vehicle_shape
-from scenewright.tools.simulation.corpus import Trip
-from scenewright.tools.simulation.corpus_recordings import build_track, find_jam_time
+from scenewright.tools.simulation.corpus import Trip, build_track, find_jam_time
 from scenewright.tools.simulation.sumo_run import HOUR
 from scenewright.tools.track_io import RecordedAgent
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from scenewright.geometry.along import sample_poses
+from scenewright.geometry.spline import sample_poses
 from scenewright.graph.run import synthesize
 from scenewright.scene.frozen_agents import without_edits
 from scenewright.scene.selection import SelectedAgent
-from scenewright.tools.solver.evasions import step_back, swerve
+from scenewright.tools.solver.reactions import step_back, swerve
 from solver_agents import EAST, SOUTH, actor, candidate, law, straight, walker
 
 DRIVER = actor(candidate(straight((-80.0, 0.0), EAST, 160.0), time_law=law(10.0)))

@@ -13,16 +13,15 @@ from hypothesis import strategies as st
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.constraints import BrakesFor, Contact, GivesWay, Headway, TimeGap
 from scenewright.scene.track import STEP, get_vehicle_shape
-from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.context import FailureStage, NearestMiss, NearestMisses, SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.impact import (
     find_first_contact,
     find_least_clearance,
     name_impact_points,
 )
-from scenewright.tools.solver.nearest_miss import FailureStage, NearestMiss, NearestMisses
 from scenewright.tools.solver.red_lights import list_signal_demands
-from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.scheduled_agent import PartialSchedule
 from solver_agents import (
     BARE,
     CAR,

@@ -9,11 +9,10 @@ import pytest
 
 from scenewright.scene.constraints import BrakesFor, TimeGap
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import SolverContext, find_contact_nodes
+from scenewright.tools.solver.context import NearestMisses, SolverContext, find_contact_nodes
 from scenewright.tools.solver.foreground import ForegroundSolver
-from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.path_ttc import compute_path_ttc
-from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.scheduled_agent import PartialSchedule
 from solver_agents import (
     BARE,
     CAR,

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from scenewright.scene.constraints import Headway, TimeGap
-from scenewright.tools.solver.independent_events import (
+from scenewright.tools.solver.foreground import (
     join_names,
     list_separations,
     split_by_agents,
     split_clauses,
 )
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
+from scenewright.tools.solver.scheduled_agent import PartialSchedule, ScheduledEvent
 from solver_agents import EAST, NORTH, actor, candidate, clearances, straight
 
 A, B, C, D, E = (f"vehicle-{k}" for k in range(1, 6))

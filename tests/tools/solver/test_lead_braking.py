@@ -13,7 +13,7 @@ from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.hard_braking import compute_smooth_acceleration
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.path_ttc import compute_path_ttc
-from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.scheduled_agent import PartialSchedule
 from solver_agents import BARE, EAST, candidate, law, straight
 
 AHEAD = candidate(straight((-60.0, 0.0), EAST, 120.0), time_law=law(10.0))

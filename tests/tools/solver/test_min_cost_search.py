@@ -11,11 +11,9 @@ from hypothesis import strategies as st
 
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map
-from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.grounding import RoleAssignment
+from scenewright.scene.candidates import CandidateSet, RoleAssignment
 from scenewright.tools.dsl_validator.parse import parse
-from scenewright.tools.solver.min_cost_search import enumerate_best_first
-from scenewright.tools.solver.select import select
+from scenewright.tools.solver.select import enumerate_best_first, select
 from solver_agents import SOUTH, SOUTHBOUND, WEST, WESTBOUND, candidate, draws, law, straight
 
 GROUND = MapAreas(load_map("amsterdam_120"))

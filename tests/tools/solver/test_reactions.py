@@ -16,7 +16,7 @@ from scenewright.tools.solver.reactions import (
     sees,
     slow_down,
 )
-from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.scheduled_agent import PartialSchedule
 from solver_agents import (
     BARE,
     EAST,

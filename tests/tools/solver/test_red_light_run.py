@@ -15,7 +15,7 @@ from scenewright.tools.solver.red_lights import (
     list_signal_demands,
     runs_in_time,
 )
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
+from scenewright.tools.solver.scheduled_agent import PartialSchedule, ScheduledEvent
 from solver_agents import BARE, EAST, SOUTH, WESTBOUND, actor, candidate, straight
 
 LIT = replace(BARE, line=30.0, group="avenue")

@@ -17,7 +17,7 @@ from scenewright.tools.map_grounding.signal_plan import SignalClock, find_feasib
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.red_lights import draw_red_light_starts, list_signal_demands
-from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.scheduled_agent import PartialSchedule
 from solver_agents import BARE, CAR, EAST, SOUTH, WESTBOUND, candidate, straight, walker
 
 GIVER, WALKER = "vehicle-1", "pedestrian-1"

@@ -14,8 +14,7 @@ from scenewright.geometry.driving_profile import compute_motion
 from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map
-from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.grounding import RoleAssignment
+from scenewright.scene.candidates import CandidateSet, RoleAssignment
 from scenewright.tools.dsl_validator.parse import parse
 from scenewright.tools.map_grounding.signal_plan import SignalClock
 from scenewright.tools.segment_editor import get_motion_edits

@@ -17,7 +17,7 @@ from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.trajnet_refiner.bundle_training import CARD, find_out_folder, train_bundle
 from scenewright.tools.trajnet_refiner.config import RefinerConfig
 from scenewright.tools.trajnet_refiner.store import load_refiner, read_tensors
-from scenewright.tools.trajnet_refiner.supervised import (
+from scenewright.tools.trajnet_refiner.train import (
     RECIPE,
     build_supervised_batches,
     cut_recorded_windows,

@@ -12,7 +12,12 @@ from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.trajnet_refiner.config import RefinerConfig
-from scenewright.tools.trajnet_refiner.guided import Guide, compute_deviation, compute_deviations
+from scenewright.tools.trajnet_refiner.guided import (
+    Guide,
+    compute_deviation,
+    compute_deviations,
+    draw_ripple,
+)
 from scenewright.tools.trajnet_refiner.kinematic_layer import (
     LIMITS,
     SMOOTHING,
@@ -20,7 +25,6 @@ from scenewright.tools.trajnet_refiner.kinematic_layer import (
     limit_deviation,
     smooth_proposal,
 )
-from scenewright.tools.trajnet_refiner.speed_ripple import draw_ripple
 from scenewright.tools.trajnet_refiner.store import load_refiner
 
 SMALL = RefinerConfig(

@@ -8,16 +8,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenewright.backends import Prompt, Question
-from scenewright.backends.chat.faults import (
+from scenewright.backends.chat.naming import Endpoint
+from scenewright.backends.chat.retry import (
+    RetryPolicy,
     convert_fault,
     find_refused_option,
     hide_key,
     is_cut_off,
     is_filtered,
     quote,
+    retry_transient,
 )
-from scenewright.backends.chat.naming import Endpoint
-from scenewright.backends.chat.retry import RetryPolicy, retry_transient
 from scenewright.backends.text_backend import Completion
 
 _CUT_OFF = ("length", "max_tokens", "model_length")

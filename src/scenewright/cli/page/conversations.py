@@ -29,8 +29,7 @@ from scenewright.graph.run import check_plan, plan_instruction
 from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
 from scenewright.nodes.remaining import OR_LENIENT
-from scenewright.scene.called import call_agents, speak_plainly
-from scenewright.scene.phrasing import describe_graph
+from scenewright.scene.phrasing import call_agents, describe_graph, speak_plainly
 from scenewright.scene.plan_file import PlanFile, compute_digest, read_plan
 from scenewright.scene.record import NEXT_TEXT
 from scenewright.scene.social import SocialGraph

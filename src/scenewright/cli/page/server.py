@@ -44,7 +44,7 @@ from scenewright.cli.views import render
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.extras import describe_missing
 from scenewright.intersections import load_map
-from scenewright.scene.called import speak_plainly
+from scenewright.scene.phrasing import speak_plainly
 from scenewright.scene.plan_file import PlanFile, build_plan_schema
 
 _POLICY = (

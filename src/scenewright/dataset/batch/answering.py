@@ -14,7 +14,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from scenewright.backends import Backend, Question, Task, load_backend
-from scenewright.backends.staged import StagedBackend
+from scenewright.backends.choosing import StagedBackend
 from scenewright.errors import InputError
 
 Names = tuple[str, ...]

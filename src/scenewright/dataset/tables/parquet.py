@@ -23,9 +23,9 @@ from scenewright.extras import require_extra
 from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
 from scenewright.scene.base import AgentClass, Point
-from scenewright.scene.called import call_agents
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+from scenewright.scene.phrasing import call_agents
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import VEHICLE_SIZES
 

@@ -21,8 +21,8 @@ from scenewright.scene.candidates import Candidate, DrivingProfile, K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, get_vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
+from scenewright.tools.gmm_sampler.assumed_priors import build_rider_priors
 from scenewright.tools.gmm_sampler.priors import HOURS
-from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 
 _SPREAD = (-1.2, 0.0, 1.2)
 """Driving profiles tried lie so many standard deviations off the median."""

@@ -6,9 +6,8 @@ from typing import NotRequired, TypedDict
 
 from scenewright.errors import Rejected
 from scenewright.nodes.context import RunContext, Runtime
-from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.candidates import CandidateSet, Grounding
 from scenewright.scene.frozen_agents import FrozenAgents
-from scenewright.scene.grounding import Grounding
 from scenewright.scene.refinement import Refinement
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph

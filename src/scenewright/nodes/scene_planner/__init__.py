@@ -15,8 +15,8 @@ from scenewright.nodes.scene_planner.hints import locate_hints
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.nodes.scene_planner.reply import PlanReply, complete_plan
 from scenewright.nodes.scene_planner.striking import name_strikers
+from scenewright.scene.candidates import Grounding
 from scenewright.scene.frozen_agents import FrozenAgents
-from scenewright.scene.grounding import Grounding
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.remaining import Unserved
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes

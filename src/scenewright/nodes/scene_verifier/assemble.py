@@ -9,9 +9,8 @@ from scenewright.memory.state import Tracks
 from scenewright.scene.account import number_agents
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.behavior import BehaviorProgram
-from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.candidates import AssignedPattern, CandidateSet, RoleAssignment
 from scenewright.scene.frozen_agents import FrozenAgents
-from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import EncounterRecord, SightRecord

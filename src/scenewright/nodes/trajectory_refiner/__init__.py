@@ -203,7 +203,7 @@ def _draw_ripples(
     guides: Mapping[str, Guide], state: RefinerReads, context: RunContext
 ) -> dict[str, FloatArray]:
     """How the speed of each vehicle ripples, the same however often its tracks are refused."""
-    from scenewright.tools.trajnet_refiner.speed_ripple import draw_ripple
+    from scenewright.tools.trajnet_refiner.guided import draw_ripple
 
     shapes = {name: each.candidate.shape for name, each in state["selection"].agents.items()}
     pins = state.get("pinned")

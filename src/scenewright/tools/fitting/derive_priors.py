@@ -19,7 +19,7 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.tools.fitting.path_frame import Pool, build_pooled_prior, load_shipped_pool
-from scenewright.tools.gmm_sampler.jaywalking import build_jaywalking_mixture
+from scenewright.tools.gmm_sampler.assumed_priors import build_jaywalking_mixture
 from scenewright.tools.gmm_sampler.priors import (
     HOURS,
     CountPrior,
@@ -29,7 +29,7 @@ from scenewright.tools.gmm_sampler.priors import (
     load_priors,
 )
 from scenewright.tools.map_import.map_parts import RouteLines, geos, list_lines
-from scenewright.tools.simulation.demand import Demand, read_demand
+from scenewright.tools.simulation.sumo_run import Demand, read_demand
 
 _PER_LANE = 260.0
 """Vehicles per hour and approach lane in the busiest hour; assumed."""

@@ -15,9 +15,9 @@ from scenewright.scene.candidates import (
     CandidateSet,
     DrawnWaypoints,
     DrivingProfile,
+    Grounding,
 )
 from scenewright.scene.frozen_agents import FrozenAgents
-from scenewright.scene.grounding import Grounding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent

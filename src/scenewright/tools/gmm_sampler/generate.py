@@ -16,41 +16,45 @@ from scenewright.errors import Rejected
 from scenewright.scene.base import RIDERS, AgentClass, FloatArray
 from scenewright.scene.candidates import (
     AgentCandidates,
+    AssignedPattern,
     Candidate,
     CandidateSet,
     DrawnWaypoints,
     DrivingProfile,
+    Grounding,
+    RoleAssignment,
 )
-from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, get_rider_shape, get_vehicle_shape
-from scenewright.tools.gmm_sampler.asked_profiles import apply_measures, count_slow_routes
+from scenewright.tools.gmm_sampler.assumed_priors import build_rider_priors, build_uturn_priors
 from scenewright.tools.gmm_sampler.background_counts import (
     draw_background_counts,
     find_least_counts,
 )
 from scenewright.tools.gmm_sampler.beside_riders import keep_pace, make_room
 from scenewright.tools.gmm_sampler.driving_profile_prior import (
+    apply_measures,
     compute_profile_nll,
+    count_slow_routes,
     sample_driving_profiles,
 )
 from scenewright.tools.gmm_sampler.groups import form_group, walk_beside
-from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
-from scenewright.tools.gmm_sampler.lane_holding import ApproachLanes, find_approach_lanes
-from scenewright.tools.gmm_sampler.lateral_wander import sample_lateral_wander
+from scenewright.tools.gmm_sampler.lane_holding import (
+    ApproachLanes,
+    find_approach_lanes,
+    sample_lane_departures,
+)
 from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
-from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 from scenewright.tools.gmm_sampler.sample import (
     build_path,
     compute_waypoint_nll,
     score_waypoints,
 )
-from scenewright.tools.gmm_sampler.speed_wander import sample_pace
-from scenewright.tools.gmm_sampler.uturn_priors import build_uturn_priors
+from scenewright.tools.gmm_sampler.wander import sample_lateral_wander, sample_pace
 
 _QUEUES = 28.0
 """In the corpus 1 - exp(-v / 28) of the standing vehicles stand behind another, where v vehicles

@@ -1,4 +1,4 @@
-"""Vehicles keep to their lane on the approach, so that those in a queue stand parallel to it.
+"""Vehicles keep to their lane on the approach, parallel to it, or leave it where that is asked.
 
 p_wp says where a path is about every 11 m. Samples of it have ramps of some degrees and lane
 changes before the stop line, on which a queue would then stand. So waypoints that change lanes on
@@ -15,12 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.geometry.along import find_nearest_point
 from scenewright.geometry.polyline import (
     resample_by_spacing,
+    resample_to_count,
     smooth_gaussian,
 )
-from scenewright.geometry.spline import build_even_path, resample_points
+from scenewright.geometry.spline import (
+    DENSE,
+    build_even_path,
+    compute_dense_curves,
+    find_nearest_point,
+    resample_points,
+)
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K, Path
 from scenewright.scene.map import IntersectionMap
@@ -169,3 +175,30 @@ def _measure_offsets(xy: FloatArray, lane: FloatArray) -> tuple[FloatArray, Floa
             k += 1
         offset[i], left[i] = (dx * py - dy * px) / long, ahead[k] - share
     return offset, left
+
+
+_BEGIN, _SPAN = (0.15, 0.45), (0.22, 0.34)
+"""Where the lane is left, and over how much of the path [share of the path]."""
+
+
+def sample_lane_departures(
+    own: FloatArray, other: FloatArray, rng: np.random.Generator, *, reverse: bool
+) -> FloatArray:
+    """Waypoints [M, K, 2] that start on `own` and go over to `other` (driven backwards if asked).
+
+    Candidates whose two samples lie on the same lane (less than 2 m apart) are paired with the
+    farthest sample of the other instead.
+    """
+    targets = other[:, ::-1] if reverse else other
+    result = []
+    for waypoints in own:
+        apart = np.abs(targets - waypoints).sum(axis=2)[:, 3:7].mean(axis=1)
+        wide = np.nonzero(apart > 2.0)[0]
+        pick = int(rng.choice(wide)) if len(wide) else int(np.argmax(apart))
+        first, second = (compute_dense_curves(each[None])[0] for each in (waypoints, targets[pick]))
+        begin, span = rng.uniform(*_BEGIN), rng.uniform(*_SPAN)
+        x = np.clip((np.linspace(0, 1, DENSE) - begin) / span, 0.0, 1.0)
+        share = (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
+        blended = first * (1 - share) + second * share
+        result.append(resample_to_count(blended, len(waypoints)))
+    return np.stack(result)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from statistics import NormalDist
@@ -17,20 +17,89 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
-from scenewright.intersections import check_bundle, find_bundle_folder
+from scenewright.intersections import SHIPPED, check_bundle, find_bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.candidates import K
-from scenewright.scene.yielding_behavior import YieldingModel
+from scenewright.scene.reaction_behavior import LEVELS, YieldingBehavior, YieldingModel
 from scenewright.tools.gmm_sampler.prior_checks import check_priors
-from scenewright.tools.gmm_sampler.yielding_files import (
-    MAX_ACCELERATIONS,
-    AccelerationProfiles,
-    load_acceleration_profiles,
-    load_yielding_model,
-)
+
+FILE = "manners.json"
+_TO = " to "
+MAX_ACCELERATIONS = {"vehicle": (2.5, 3.0), "pedestrian": (2.5, 2.5)}
+"""Strongest start and braking that are drawn [m/s^2], well inside SEMANTICS section 5."""
+
+
+@dataclass(frozen=True)
+class AccelerationProfile:
+    """How agents of a class start and brake.
+
+    Attributes:
+        starts, brakes: median [m/s^2], and standard deviation of the logarithm.
+    """
+
+    starts: tuple[float, float]
+    brakes: tuple[float, float]
+
+
+AccelerationProfiles = Mapping[AgentClass, AccelerationProfile]
+_Model = TypeAdapter(dict[str, YieldingBehavior])
+_Profiles = TypeAdapter(dict[AgentClass, AccelerationProfile])
+
+
+def load_yielding_model(folder: Path) -> YieldingModel:
+    """The yielding behaviour of a bundle, or the one it borrows.
+
+    Raises:
+        InputError: damaged, or of another form.
+    """
+    source = folder if (folder / FILE).is_file() else find_bundle_folder(SHIPPED)
+    stored = _read_entries(source, _Model, pairs=True)
+    for behavior in stored.values():
+        for name, values in asdict(behavior).items():
+            if name != "rolls" and (len(values) != len(LEVELS) or list(values) != sorted(values)):
+                raise InputError(
+                    f"{FILE} of {source.name!r}: {name} needs {len(LEVELS)} ascending quantiles"
+                )
+    pairs = (name.partition(_TO) for name in stored)
+    keys = [(cast(AgentClass, giving), cast(AgentClass, other)) for giving, _, other in pairs]
+    return dict(zip(keys, stored.values(), strict=True))
+
+
+def load_acceleration_profiles(folder: Path) -> AccelerationProfiles:
+    """How agents start and brake, by class; empty if the bundle does not say.
+
+    Raises:
+        InputError: damaged, or of another form.
+    """
+    stored: AccelerationProfiles = _read_entries(folder, _Profiles, pairs=False)
+    for name, profile in stored.items():
+        if min(*profile.starts, *profile.brakes) <= 0.0:
+            raise InputError(
+                f"{FILE} of {folder.name!r}: {name} needs a positive median and spread of starts "
+                "and of brakes"
+            )
+    return stored
+
+
+def _read_entries(folder: Path, form: TypeAdapter[Any], *, pairs: bool) -> Any:
+    """The entries of the file about pairs of classes, or those about a class; {} without a file."""
+    if not (folder / FILE).is_file():
+        return {}
+    check_bundle(folder, FILE)
+    try:
+        stored = json.loads((folder / FILE).read_bytes())
+        if not isinstance(stored, dict):
+            raise ValueError("it holds no object")
+        chosen = {name: entry for name, entry in stored.items() if (_TO in name) == pairs}
+        return form.validate_json(json.dumps(chosen))
+    except (OSError, ValueError) as fault:
+        reason = " ".join(str(fault).split())
+        raise InputError(f"cannot read {FILE} of {folder.name!r}: {reason}") from None
+
 
 DIMENSIONS = 2 * K
 FORMAT = 1

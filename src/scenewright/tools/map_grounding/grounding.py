@@ -11,13 +11,13 @@ import numpy as np
 from scenewright.errors import Rejected
 from scenewright.scene.base import RIDERS, Compass, FloatArray
 from scenewright.scene.cache import RecentCache
-from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
+from scenewright.scene.candidates import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
+from scenewright.scene.route_table import make_route
 from scenewright.scene.social import AgentNode, EntrySide, RelationEdge, SocialGraph
-from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
 from scenewright.tools.map_grounding.orders import (
     can_be_ordered,

@@ -21,12 +21,11 @@ from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.relation_checker.avoidability import find_avoidability
 from scenewright.tools.relation_checker.certificate import find_contacts
 from scenewright.tools.relation_checker.contact import find_near_pairs
 from scenewright.tools.relation_checker.events import SceneObservation, observe
 from scenewright.tools.relation_checker.plausibility import check_ground
-from scenewright.tools.relation_checker.reactions import Sights
+from scenewright.tools.relation_checker.reactions import Sights, find_avoidability
 from scenewright.tools.relation_checker.trajectory import RoadUser, build_trajectories
 
 CONTEXT = 30.0

@@ -17,8 +17,6 @@ from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
 from scenewright.scene.track import Shape, Track
-from scenewright.tools.relation_checker.avoidability import find_avoidability
-from scenewright.tools.relation_checker.behavior_labels import find_false_behavior
 from scenewright.tools.relation_checker.certificate import (
     AgentRoles,
     check_interference,
@@ -37,6 +35,7 @@ from scenewright.tools.relation_checker.groups import (
 )
 from scenewright.tools.relation_checker.labels import (
     RUNNERS,
+    find_false_behavior,
     find_false_journeys,
     find_false_labels,
     find_false_metadata,
@@ -47,26 +46,29 @@ from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.motions import check_motions
 from scenewright.tools.relation_checker.objects import (
     check_contacts,
+    check_encounters,
     check_places,
     check_sights,
+    list_asked_hits,
     read_objects,
 )
-from scenewright.tools.relation_checker.obstacles import check_encounters, list_asked_hits
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
+    check_ends,
     check_form,
     check_ground,
     check_motion_limits,
     find_extremes,
+    list_late_beginnings,
 )
 from scenewright.tools.relation_checker.pushes import cut_pushed, list_chained, list_pushed
 from scenewright.tools.relation_checker.reactions import (
     Sights,
+    find_avoidability,
     find_false_reactions,
     find_reactions,
 )
 from scenewright.tools.relation_checker.signals import check_signal_plan
-from scenewright.tools.relation_checker.track_ends import check_ends, list_late_beginnings
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 
 PET_TOLERANCE = 0.15

@@ -23,7 +23,6 @@ from scenewright.scene.reaction_behavior import ASIDE, REACTION_TIME, Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
-from scenewright.tools.solver.evasions import step_back, swerve_away
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.reactions import (
@@ -35,9 +34,10 @@ from scenewright.tools.solver.reactions import (
     run_on,
     sees,
     slow_down,
+    step_back,
+    swerve_away,
 )
-from scenewright.tools.solver.schedule import PartialSchedule, get_pair
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import PartialSchedule, ScheduledAgent, get_pair
 from scenewright.tools.solver.yielding import find_conflict_zone, hold_at
 from scenewright.work_limit import count_work
 

@@ -14,7 +14,7 @@ from scenewright.scene.reaction_behavior import REACTION_TIME, RUNS, Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Pair, Response
-from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.context import FailureStage, SolverContext
 from scenewright.tools.solver.following import (
     TURNED,
     compute_passing_time,
@@ -22,7 +22,6 @@ from scenewright.tools.solver.following import (
     plan_rear_ends,
 )
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
-from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.reactions import (
     SEEN_BEFORE,
@@ -31,8 +30,12 @@ from scenewright.tools.solver.reactions import (
     find_threat,
     sees,
 )
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import (
+    PartialSchedule,
+    ScheduledAgent,
+    ScheduledEvent,
+    get_pair,
+)
 
 _TRIES, _ROUNDS, _PROMPT, _MANY = 6, 4, 2, 20
 """Offsets that are drawn; rounds of reactions to each, the first of which prompt ones; and offsets

@@ -1,9 +1,10 @@
-"""Shared context of scheduling every kind of clause: one tuple of candidates, its conflicts."""
+"""Shared context of scheduling every kind of clause: a tuple of candidates, its nearest misses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
@@ -11,9 +12,8 @@ import numpy as np
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import AgentFigure, PairClause, PairFigure, TimeGap
+from scenewright.scene.reaction_behavior import YieldingBehavior, YieldingModel
 from scenewright.scene.track import STEP
-from scenewright.scene.yielding_behavior import YieldingBehavior, YieldingModel
-from scenewright.tools.solver.nearest_miss import FailureStage, NearestMiss, NearestMisses
 from scenewright.tools.solver.path_conflict import (
     Intervals,
     PathConflict,
@@ -21,8 +21,70 @@ from scenewright.tools.solver.path_conflict import (
     find_path_conflict,
 )
 from scenewright.tools.solver.reactions import ReactionRequests
-from scenewright.tools.solver.schedule import Pairing, PartialSchedule, get_pair
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import (
+    Pairing,
+    PartialSchedule,
+    ScheduledAgent,
+    get_pair,
+)
+
+
+class FailureStage(IntEnum):
+    """What a clause failed on, in the order in which it is scheduled; later is nearer.
+
+    The paths or the motions of the two; the kind of contact; the striking agent; the place; a
+    figure asked for; what the two do besides.
+    """
+
+    PATHS = 0
+    KIND = 1
+    ROLES = 2
+    PLACE = 3
+    MEASURE = 4
+    COMPANY = 5
+
+
+@dataclass(frozen=True)
+class NearestMiss:
+    """The nearest miss of one clause.
+
+    Attributes:
+        reached: what it failed on.
+        words: the quantity at fault, what was asked for and what is possible.
+        off: how far what is possible lies from what was asked, in the unit of the quantity.
+    """
+
+    clause: PairClause
+    reached: FailureStage
+    words: str
+    off: float = 0.0
+
+
+class NearestMisses:
+    """The nearest miss of every clause that was tried, and which clauses were met."""
+
+    def __init__(self) -> None:
+        self._nearest: dict[PairClause, NearestMiss] = {}
+        self._served: set[PairClause] = set()
+
+    def note(self, shortfall: NearestMiss) -> None:
+        """Keep it if it is the nearest of its clause so far."""
+        known = self._nearest.get(shortfall.clause, shortfall)
+        self._nearest[shortfall.clause] = min(
+            known, shortfall, key=lambda each: (-each.reached, each.off)
+        )
+
+    def note_met(self, clause: PairClause) -> None:
+        """Note that the clause was met at least once."""
+        self._served.add(clause)
+
+    def find_culprit(self, clauses: Iterable[PairClause]) -> NearestMiss | None:
+        """Find the nearest miss of the first clause, in order of scheduling, that was never met."""
+        for clause in clauses:
+            if clause not in self._served:
+                return self._nearest.get(clause)
+        return None
+
 
 QUEUED_BEHIND = 1.5
 """Gap [m] of a vehicle that stands behind another and is pushed into it, at most."""

@@ -12,8 +12,12 @@ from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.solver.context import compute_excess
 from scenewright.tools.solver.hard_braking import compute_smooth_acceleration
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
+from scenewright.tools.solver.scheduled_agent import (
+    PartialSchedule,
+    ScheduledAgent,
+    ScheduledEvent,
+    get_shared_times,
+)
 
 FigureClause = AgentFigure | PairFigure
 

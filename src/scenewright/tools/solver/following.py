@@ -18,7 +18,12 @@ from scenewright.scene.constraints import Contact, Headway, PairClause, StopsBeh
 from scenewright.scene.reaction_behavior import REACTION_TIME
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import SolverContext, compute_excess, is_in_range
+from scenewright.tools.solver.context import (
+    FailureStage,
+    SolverContext,
+    compute_excess,
+    is_in_range,
+)
 from scenewright.tools.solver.entry_times import build_red_light_stop
 from scenewright.tools.solver.hard_braking import (
     CLOSE_TTC,
@@ -28,11 +33,16 @@ from scenewright.tools.solver.hard_braking import (
     find_ttc_while_braking,
 )
 from scenewright.tools.solver.impact import find_least_clearance
-from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import find_conflict_intervals
 from scenewright.tools.solver.path_ttc import compute_path_ttc
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_point
-from scenewright.tools.solver.scheduled_agent import FOR_GOOD, ScheduledAgent, get_shared_times
+from scenewright.tools.solver.scheduled_agent import (
+    FOR_GOOD,
+    PartialSchedule,
+    ScheduledAgent,
+    ScheduledEvent,
+    get_point,
+    get_shared_times,
+)
 
 _TRIES = 6
 """Offsets that are drawn."""

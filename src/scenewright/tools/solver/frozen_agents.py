@@ -31,8 +31,12 @@ from scenewright.tools.solver.background_assignment import (
 )
 from scenewright.tools.solver.objects import is_in_way
 from scenewright.tools.solver.reservation import ReservationTable
-from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import (
+    PartialSchedule,
+    ScheduledAgent,
+    find_needed_end,
+    get_pair,
+)
 from scenewright.tools.solver.search import (
     MAX_SECONDS,
     Search,

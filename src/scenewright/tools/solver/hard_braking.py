@@ -22,13 +22,11 @@ from scenewright.scene.reaction_behavior import (
 )
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Response
-from scenewright.tools.solver.context import SolverContext, compute_excess
+from scenewright.tools.solver.context import FailureStage, SolverContext, compute_excess
 from scenewright.tools.solver.impact import find_least_clearance
-from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals, PathConflict, compute_gap
 from scenewright.tools.solver.path_ttc import PathTtc, compute_path_ttc
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import PartialSchedule, ScheduledAgent, ScheduledEvent
 from scenewright.tools.solver.yielding import compute_passage, find_conflict_zone
 
 _TRIES, _MOST = 40, 6

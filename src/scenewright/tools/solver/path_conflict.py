@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
 from scenewright.geometry.driving_profile import Motion
+from scenewright.geometry.spline import sample_nodes, sample_poses, to_cosines
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Shape

@@ -15,11 +15,9 @@ from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import Contact
 from scenewright.scene.selection import Push
 from scenewright.scene.track import VEHICLE_MASSES
-from scenewright.tools.solver.context import QUEUED_BEHIND, SolverContext
+from scenewright.tools.solver.context import QUEUED_BEHIND, FailureStage, SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
-from scenewright.tools.solver.nearest_miss import FailureStage
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import PartialSchedule, ScheduledAgent, ScheduledEvent
 
 _TRIES = 6
 _GAP = (1.05, QUEUED_BEHIND)

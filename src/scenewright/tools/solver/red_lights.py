@@ -20,8 +20,12 @@ from scenewright.scene.selection import Stop
 from scenewright.tools.map_grounding.grounding import share_green
 from scenewright.tools.map_grounding.signal_plan import SignalDemand, get_phases
 from scenewright.tools.solver.entry_times import LINE_GAP, START_LAG, build_red_light_stop
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import (
+    PartialSchedule,
+    ScheduledAgent,
+    ScheduledEvent,
+    get_pair,
+)
 
 _SEEN = 0.6
 """Least time from the beginning of the scene to the run [s]."""

@@ -68,7 +68,7 @@ from scenewright.tools.solver.background_assignment import (
     assign_in_turn,
 )
 from scenewright.tools.solver.car_following import enter_traffic
-from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.context import NearestMisses, SolverContext
 from scenewright.tools.solver.encounters import (
     Earlier,
     ObjectEncounter,
@@ -88,10 +88,13 @@ from scenewright.tools.solver.entry_times import (
     starts_on_red,
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
-from scenewright.tools.solver.foreground import ForegroundSolver, passes_first
-from scenewright.tools.solver.independent_events import join_names, list_separations
+from scenewright.tools.solver.foreground import (
+    ForegroundSolver,
+    join_names,
+    list_separations,
+    passes_first,
+)
 from scenewright.tools.solver.motions import MotionTemplate
-from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
 from scenewright.tools.solver.reactions import ReactionRequests
@@ -103,8 +106,12 @@ from scenewright.tools.solver.red_lights import (
     runs_in_time,
 )
 from scenewright.tools.solver.reservation import find_blocked_offsets
-from scenewright.tools.solver.schedule import PartialSchedule, find_needed_end, get_pair
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import (
+    PartialSchedule,
+    ScheduledAgent,
+    find_needed_end,
+    get_pair,
+)
 from scenewright.work_limit import WorkLimitReachedError, count_work, limit_work
 
 MAX_SECONDS = 30.0

@@ -15,13 +15,21 @@ import numpy as np
 from scenewright.scene.constraints import PassesBeside, TimeGap
 from scenewright.scene.kinds import has_trait
 from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Pair, Response
-from scenewright.tools.solver.context import SolverContext, compute_excess, is_in_range
+from scenewright.tools.solver.context import (
+    FailureStage,
+    SolverContext,
+    compute_excess,
+    is_in_range,
+)
 from scenewright.tools.solver.impact import find_least_clearance
-from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals, compute_gap
 from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import (
+    PartialSchedule,
+    ScheduledAgent,
+    ScheduledEvent,
+    get_pair,
+)
 
 _TRIES, _ALONE, _BACK, _MOST = 24, 10, 60, 2
 """Responses that are drawn, and of these with one agent responding alone; where one steps back; and

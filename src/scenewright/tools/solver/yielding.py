@@ -23,20 +23,23 @@ from scenewright.geometry.landmarks import STOP_GAP, Landmarks
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import DrivingProfile
 from scenewright.scene.constraints import GivesWay, PairClause, TimeGap
+from scenewright.scene.reaction_behavior import YieldingBehavior, sample_quantiles
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
-from scenewright.scene.yielding_behavior import YieldingBehavior, sample_quantiles
 from scenewright.tools.segment_editor import make_stop_command
-from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.context import FailureStage, SolverContext
 from scenewright.tools.solver.impact import find_least_clearance
-from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import (
     PathConflict,
     compute_gap,
     find_conflict_intervals,
 )
-from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_point
-from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.scheduled_agent import (
+    PartialSchedule,
+    ScheduledAgent,
+    ScheduledEvent,
+    get_point,
+)
 
 MERGE_METRES = 5.0
 """How much of a shared lane belongs to the conflict zone (SEMANTICS 4)."""

@@ -25,17 +25,15 @@ from scenewright.tools.trajnet_refiner.config import CLASSES, RefinerConfig, lis
 from scenewright.tools.trajnet_refiner.model import Refiner, predict
 from scenewright.tools.trajnet_refiner.network import RefinerNetwork
 from scenewright.tools.trajnet_refiner.store import save_refiner
-from scenewright.tools.trajnet_refiner.supervised import (
-    RECIPE,
-    build_supervised_batches,
-    cut_recorded_windows,
-    reverse_windows,
-)
 from scenewright.tools.trajnet_refiner.train import (
+    RECIPE,
     Epoch,
     ProgressCallback,
     Recipe,
+    build_supervised_batches,
     compute_negative_log_density,
+    cut_recorded_windows,
+    reverse_windows,
     train,
 )
 from scenewright.tools.trajnet_refiner.windows import Variation, Window

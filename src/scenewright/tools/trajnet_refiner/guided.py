@@ -238,3 +238,27 @@ def _interpolate_deviations(guide: Guide, times: FloatArray, ahead: FloatArray) 
     inside = (local >= times[seen[0]]) & (local <= times[seen[-1]])
     fine[inside] = interpolate_clamped(local[inside], times[seen], ahead[seen])
     return fine
+
+
+_SPREAD, _VARIES = 0.19, 0.3
+"""Of the progress [m]: median over drivers, and how it varies between them [log]; the speed has
+0.15 m/s, the acceleration 0.2 m/s^2."""
+_MOST = 0.35
+_LASTS = 1.28
+"""Its autocorrelation is that of a Gaussian with this standard deviation [s]."""
+_FULL = 4.0
+"""Below this speed [m/s] it is less, in proportion."""
+
+
+def draw_ripple(s: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """[T] how far ahead of its progress `s` [T] every 0.1 s a vehicle is [m]."""
+    steps = _LASTS / STEP
+    reach = round(3 * steps)
+    # A kernel narrower by the root of 2 than the autocorrelation that it brings about.
+    kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / steps))
+    kernel /= np.sqrt(np.square(kernel).sum())
+    own = min(_SPREAD * float(np.exp(_VARIES * rng.standard_normal())), _MOST)
+    drawn = np.convolve(rng.standard_normal(len(s) + 2 * reach), kernel, mode="valid")
+    speed = np.gradient(s, STEP) if len(s) > 1 else np.zeros(len(s))
+    even = np.convolve(np.pad(speed, 10, mode="edge"), np.ones(21) / 21, mode="valid")
+    return np.asarray(own * drawn * np.clip(even / _FULL, 0.0, 1.0))

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ from torch import Tensor
 
 from scenewright.errors import InputError
 from scenewright.scene.base import Model
+from scenewright.tools.track_io import Recording, cut_windows
 from scenewright.tools.trajnet_refiner.config import CLASSES, RefinerConfig
 from scenewright.tools.trajnet_refiner.model import Prediction, Refiner, Scenes, turn_back
 from scenewright.tools.trajnet_refiner.separation import add_halfway
@@ -316,3 +317,68 @@ def _warm_then_cosine(part: float) -> float:
         return 0.05 + 0.95 * part / warm
     falling = min(1.0, (part - warm) / (1 - warm))
     return 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * falling))
+
+
+_STANDING = 0.25
+"""Weight of agents that stand all the while: there is little to learn from them."""
+_STANDS = 0.5
+"""Who gets no further than that [m] in a window stands."""
+RECIPE = Recipe(
+    epochs=12, agents=192, rate=3e-3, likelihood=0.1, stretch=0.1, unseen=0.1, goals=0.9
+)
+"""How the networks of bundles are trained."""
+
+
+def cut_recorded_windows(
+    recordings: Sequence[Recording], *, observed: int, predicted: int, stride: int | None = None
+) -> list[Window]:
+    """Stretches of recordings for training, with a second horizon behind the first for waypoints.
+
+    Args:
+        stride: network steps from one stretch's start to the next; None for `predicted`, so that
+            every moment is predicted once.
+    """
+    steps, every = observed + 2 * predicted, 4
+    windows = []
+    for recording in recordings:
+        for cut in cut_windows(
+            recording, steps=steps, every=every, stride=every * (stride or predicted), least_whole=0
+        ):
+            now = cut.present[:, observed - 1] & cut.present[:, observed]
+            if not now.any():
+                continue
+            xy = np.where(cut.present[now][..., None], cut.xy[now], np.nan)
+            kinds = [recording.agents[i].shape.type for i in cut.members[now]]
+            way = np.nanmax(xy, axis=1) - np.nanmin(xy, axis=1)
+            ends = [recording.agents[i].track.xy[-1] for i in cut.members[now]]
+            windows.append(
+                Window(
+                    xy,
+                    np.array([CLASSES.index(kind) for kind in kinds], dtype=np.int64),
+                    np.array(ends),
+                    np.where(way.max(axis=1) < _STANDS, _STANDING, 1.0),
+                )
+            )
+    return windows
+
+
+def reverse_windows(windows: Sequence[Window], *, observed: int) -> list[Window]:
+    """The same stretches backwards in time, as far as agents are seen at the present then.
+
+    People who walk backwards keep clear of one another as they did.
+    """
+    turned = []
+    for window in windows:
+        xy = window.xy[:, ::-1]
+        now = ~np.isnan(xy[:, observed - 1 : observed + 1]).any(axis=(1, 2))
+        if now.any():
+            xy = np.ascontiguousarray(xy[now])
+            turned.append(Window(xy, window.classes[now], window.xy[now, 0], window.weight[now]))
+    return turned
+
+
+def build_supervised_batches(
+    windows: Sequence[Window], **how: Any
+) -> Iterator[tuple[Scenes, Tensor, Tensor]]:
+    """As `build_batches`, for windows with a second horizon, a share of them with waypoints."""
+    return build_batches(windows, rows=True, **how)

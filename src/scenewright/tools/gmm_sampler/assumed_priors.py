@@ -1,4 +1,4 @@
-"""Priors of cyclists and scooter riders: where they ride, and how fast (SEMANTICS section 8).
+"""Assumed priors, without tracks: riders, U-turns, walking outside a crosswalk (SEMANTICS 8).
 
 No bundle has tracks of them. They ride where vehicles drive, but on the outer side of the
 outermost lane that leads their way, and on a crosswalk where pedestrians walk, coming from and
@@ -10,6 +10,7 @@ lies within the bounds, as these lie within the limits of SEMANTICS.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from scenewright.geometry.polyline import (
 )
 from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import RIDER_SIZES
 from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior, Priors, WaypointPrior
@@ -113,3 +115,73 @@ def _find_outermost(lines: FloatArray, *, outwards: float) -> list[int]:
                      for line in lines]) * outwards  # fmt: skip
     beyond = away.min(axis=1)
     return np.flatnonzero(beyond >= beyond.max() - _SAME_LANE).tolist()
+
+
+_WANDERS_LESS = 0.3
+"""Share of a left turn's deviations from its mean path that U-turns have from theirs."""
+
+
+def build_uturn_priors(
+    priors: Priors, route: Route, *, intersection_map: IntersectionMap
+) -> Priors:
+    """The priors as one U-turn has them.
+
+    Raises:
+        KeyError: the map has no such U-turn, or no left turn from that leg or any other.
+    """
+    movement = intersection_map.find_movement(route)
+    if movement is None:
+        raise KeyError(route.id)
+    lefts = [each for each in intersection_map.routes if each.movement == "left"]
+    own = [each for each in lefts if each.entry == route.entry]
+    left = (own or lefts)[0]
+    like = priors.waypoints[left.id]
+    heaviest = int(np.argmax(like.weights))
+    base = resample_to_count(np.array(movement.centreline), DENSE)[None]
+    waypoints = WaypointPrior(
+        route=route.id, weights=np.ones(1), means=base[:, ::PER_INTERVAL].reshape(1, -1),
+        cholesky=like.cholesky[[heaviest]] * _WANDERS_LESS, base=base, tracks=0,
+    )  # fmt: skip
+    return replace(
+        priors,
+        waypoints={route.id: waypoints},
+        driving_profiles={route.id: priors.driving_profiles[left.id]},
+        subtypes={route.id: {"car": 1.0}},
+    )
+
+
+_DISTANCE_SPREAD = 1.9
+_SKEW_SPREAD = 1.2
+_ONTO_SIDEWALK = 2.0
+_SIDEWALK_SPREAD = 0.45
+_WOBBLE = 0.08
+
+
+def build_jaywalking_mixture(
+    route: str, kerbs: Sequence[FloatArray], outwards: FloatArray
+) -> WaypointPrior:
+    """p_wp of jaywalking from kerb to kerb [2, 2] at given places, equally likely."""
+    ends = []
+    for first, last in kerbs:
+        across = (last - first) / float(np.hypot(*(last - first)))
+        onto = _ONTO_SIDEWALK * across
+        ends.append(np.concatenate([first - onto, last + onto]))
+    along, aside = np.outer(outwards, outwards), _SIDEWALK_SPREAD**2 * np.outer(across, across)
+    shared, own = _DISTANCE_SPREAD**2 * along, (_SKEW_SPREAD**2 / 2) * along + aside
+    of_ends = np.block([[shared + own, shared], [shared, shared + own]])
+    line = _build_interpolation(K)
+    factor = np.linalg.cholesky(line @ of_ends @ line.T + _WOBBLE**2 * np.eye(2 * K))
+    return WaypointPrior(
+        route=route,
+        weights=np.full(len(ends), 1.0 / len(ends)),
+        means=np.array([line @ end for end in ends]),
+        cholesky=np.repeat(factor[None], len(ends), axis=0),
+        base=np.array([(_build_interpolation(DENSE) @ end).reshape(DENSE, 2) for end in ends]),
+        tracks=0,
+    )
+
+
+def _build_interpolation(count: int) -> FloatArray:
+    """[2 count, 4] points evenly between a start and an end, as a linear map of both."""
+    t = np.linspace(0.0, 1.0, count)
+    return np.asarray(np.kron(np.stack([1 - t, t], axis=1), np.eye(2)), dtype=np.float64)

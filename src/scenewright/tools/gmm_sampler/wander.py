@@ -1,4 +1,4 @@
-"""Random variation of an agent's speed about its free speed.
+"""Random variation of an agent's speed about its free speed, and of walkers about their way.
 
 The logarithm of the speed is a smooth Gaussian process over arc length. How much it wanders differs
 between people. Fitted on pedestrians that never stand in five of the TrajNet++ training recordings
@@ -17,6 +17,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from scenewright.geometry.spline import DENSE, PER_INTERVAL, compute_spline_matrix
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.candidates import PACE_STEP
 
@@ -68,3 +69,26 @@ def build_smoother(length: float) -> FloatArray:
     # A kernel narrower by the root of 2 than the autocorrelation that it brings about.
     kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / length))
     return np.asarray(kernel / np.sqrt(np.square(kernel).sum()))
+
+
+_ASIDE_SPREAD, _VARIES, _MOST = 0.22, 0.45, 0.35
+"""Of the offset before its spline is taken off: median over people [m] and how that varies between
+them [log]; what is left of it is no more than the last [m]."""
+_ASIDE_LENGTH = 2.2
+"""Over which offsets are alike [m]."""
+
+
+def sample_lateral_wander(
+    length: float, rng: np.random.Generator, *, size: int
+) -> Callable[[int], FloatArray]:
+    """Draw courses [DENSE] of the offset to the left [m] over a way of this length, by index."""
+    spread = _ASIDE_SPREAD * np.exp(_VARIES * rng.standard_normal(size))
+    smoother = build_smoother(round(_ASIDE_LENGTH / max(length, 5.0) * (DENSE - 1), 1))
+    noise = rng.standard_normal((size, DENSE + len(smoother) - 1))
+
+    def compute(m: int) -> FloatArray:
+        offset = spread[m] * smooth_noise(smoother, noise[m])
+        aside = offset - compute_spline_matrix() @ offset[::PER_INTERVAL]
+        return np.asarray(aside * min(1.0, _MOST / np.abs(aside).max()))
+
+    return compute
