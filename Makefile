@@ -58,7 +58,7 @@ crosscheck: $(PEERS)/.installed
 # Scenes in the simulators and readers of others, whose own tests must find our collisions and
 # nothing else; not part of check. About 4 GB more, and a quarter of an hour for 200 scenes.
 exports: $(CONSUMERS)/.installed
-	SCENEWRIGHT_EXPORT_SCENES=$(SCENES) $(BIN)/pytest -s tests/exports
+	SCENEWRIGHT_EXPORTS=$(abspath $(CONSUMERS)) SCENEWRIGHT_EXPORT_SCENES=$(SCENES) $(BIN)/pytest -s tests/exports
 
 # Damaged input of every kind into everything that reads; CI's nightly part. An hour or two.
 fuzz: $(TOOLS)
