@@ -124,10 +124,10 @@ $(PEERS)/.installed: $(TOOLS) $(wildcard $(PINS)/*.txt)
 
 $(CONSUMERS)/.installed: $(TOOLS) $(wildcard tests/exports/environments/*.txt)
 	@echo 'Installing simulators and readers into $(CONSUMERS), about 4 GB ...'
-	set -e; for name in commonroad metadrive omega-prime av2 scenario-gym; do \
+	set -e; for name in commonroad metadrive omega-prime av2 scenario-gym readers; do \
 		pins=tests/exports/environments/$$name.txt; test -e $$pins || pins=$(PINS)/$$name.txt; \
 		test -x $(CONSUMERS)/$$name/bin/python || $(BIN)/python -m venv $(CONSUMERS)/$$name; \
-		$(CONSUMERS)/$$name/bin/python -m pip install -qq --disable-pip-version-check -r $$pins; \
+		$(CONSUMERS)/$$name/bin/python -m pip install -qq --disable-pip-version-check --no-deps -r $$pins; \
 	done
 	touch $@
 
