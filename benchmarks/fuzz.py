@@ -164,7 +164,7 @@ def list_records() -> tuple[Json, ...]:
 @cache
 def list_track_files() -> tuple[tuple[str, bytes], ...]:
     """Name and bytes of the first scene in every format that we write."""
-    from scenewright.tools.exporters.registry import FORMATS
+    from scenewright.tools.formats.registry import FORMATS
 
     found = []
     with tempfile.TemporaryDirectory() as folder:
@@ -300,7 +300,7 @@ def use_bundle(rng: random.Random, folder: Path) -> None:
 
 def write_export(rng: random.Random, folder: Path) -> None:
     """An exporter on a damaged scene.json."""
-    from scenewright.tools.exporters.registry import FORMATS
+    from scenewright.tools.formats.registry import FORMATS
 
     file = folder / "scene.json"
     file.write_text(json.dumps(damage_json(rng.choice(list_records()), rng)))

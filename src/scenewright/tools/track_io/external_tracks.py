@@ -30,13 +30,13 @@ from scenewright.scene.track import (
     get_rider_shape,
     get_vehicle_shape,
 )
+from scenewright.tools.formats.registry import find_reader, read_simulator_file
+from scenewright.tools.formats.sampled_recording import describe_rides, find_subtype
+from scenewright.tools.formats.trajnet import iterate_trajnet_rows
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
-from scenewright.tools.track_io.passengers import describe_rides, leave_out_passengers
-from scenewright.tools.track_io.sampled_recording import find_subtype
-from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
-from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
+from scenewright.tools.track_io.passengers import leave_out_passengers
 from scenewright.tools.track_io.unit_checks import find_unit_doubts
 
 MOST_BYTES = 200_000_000

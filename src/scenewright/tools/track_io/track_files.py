@@ -21,6 +21,9 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Track
+from scenewright.tools.formats.registry import find_reader, read_simulator_file
+from scenewright.tools.formats.sampled_recording import SUBTYPES, find_subtype
+from scenewright.tools.formats.trajnet import iterate_trajnet_rows
 from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
 from scenewright.tools.track_io.dataset_formats import (
     PATTERNS,
@@ -31,10 +34,7 @@ from scenewright.tools.track_io.dataset_formats import (
     get_format,
 )
 from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
-from scenewright.tools.track_io.sampled_recording import SUBTYPES, find_subtype
-from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.taf_bw import SETTLING
-from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3

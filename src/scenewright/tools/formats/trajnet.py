@@ -7,13 +7,13 @@ of TrajNet++ ignore them, ours uses the class.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.tools.exporters.exported_scene import ExportedScene
+from scenewright.tools.formats.exported_scene import ExportedScene
 
 SAMPLE = 0.4
 """Between samples [s]."""
@@ -21,6 +21,11 @@ FPS = 2.5
 LENGTH, SHORTEST = 21, 10
 """Samples of a scene of the benchmark, 9 observed and 12 predicted; and least of one of ours whose
 agent takes part in an event that ends its track."""
+Kind = Literal["scene", "track"]
+_KINDS: tuple[Kind, ...] = ("scene", "track")
+Predictions = Literal["refuse", "leave out", "first as tracks"]
+"""What becomes of rows with a `prediction_number`: files of the benchmark hold up to three
+predictions, numbered from 0, beside or in place of what was observed."""
 
 
 def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
@@ -57,3 +62,30 @@ def _list_scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, An
             ends = {"s": int(frames[0]), "e": int(frames[-1])}
             yield {"scene": {"id": number, "p": agent.id, **ends, "fps": FPS}}
             number += 1
+
+
+def iterate_trajnet_rows(
+    lines: Iterable[str], *, predictions: Predictions, refuse: Callable[[int, str], NoReturn]
+) -> Iterator[tuple[int, Kind, dict[str, Any]]]:
+    """The line, from 1, kind and values of every scene and row of a track; empty lines skipped.
+
+    Args:
+        refuse: raises the reader's error for a line and what is wrong with it.
+    """
+    for line, content in enumerate(lines, start=1):
+        if not content.strip():
+            continue
+        try:
+            entry = json.loads(content)
+        except (ValueError, RecursionError) as error:
+            refuse(line, f"no JSON: {getattr(error, 'msg', None) or 'cannot be read'}")
+        if not isinstance(entry, dict):
+            refuse(line, "expected one JSON object per line")
+        kind = next((each for each in _KINDS if isinstance(entry.get(each), dict)), None)
+        if kind is None:
+            refuse(line, 'expected {"scene": {...}} or {"track": {"f", "p", "x", "y"}}')
+        number = entry[kind].get("prediction_number") if kind == "track" else None
+        if number is not None and predictions == "refuse":
+            refuse(line, "this is a prediction; leave out tracks with a prediction_number")
+        if number is None or (number == 0 and predictions == "first as tracks"):
+            yield line, kind, entry[kind]

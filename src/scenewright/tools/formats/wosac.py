@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.track_io.protobuf_schema import build_messages
-from scenewright.tools.track_io.womd import PACKAGE
+from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.formats.protobuf_schema import build_messages
+from scenewright.tools.formats.womd import PACKAGE
 
 CURRENT, STEPS, ROLLOUTS = 10, 80, 32
 """The last step that is given, how many follow it, and how many times they are simulated."""

@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.lanes import find_light_places
-from scenewright.tools.exporters.mcap_writing import Topic, write_mcap
+from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.formats.lanes import find_light_places
+from scenewright.tools.formats.mcap_writing import Topic, write_mcap
 
 FRAME = "map"
 _SCHEMAS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 
-from scenewright.tools.exporters.exported_scene import ExportedScene
+from scenewright.tools.formats.exported_scene import ExportedScene
 
 COLUMNS = ("t", "id", "class", "x", "y", "heading", "length", "width")
 

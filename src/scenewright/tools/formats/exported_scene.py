@@ -25,7 +25,7 @@ from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord, name_door
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
-from scenewright.tools.exporters.road_users import ROAD_USERS, RoadUserNames, find_kind
+from scenewright.tools.formats.road_users import ROAD_USERS, RoadUserNames, find_kind
 
 ROUTE_SPACING = 2.0
 """Between the points of a route beyond the end of a track [m]."""

@@ -7,7 +7,7 @@ from typing import Any
 from scenewright.scene.events import RELATION_OF_EVENT
 from scenewright.scene.osc_dsl import write_osc_dsl
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.exporters.exported_scene import ExportedScene
+from scenewright.tools.formats.exported_scene import ExportedScene
 
 _OF_AGENT = ("subtype", "entry", "exit", "movement", "crosswalk", "reaction", "motion")
 _OF_RELATION = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -72,6 +72,13 @@ def sort_out(
         elif len(agent.t):
             agents.append(agent)
     return SampledRecording(name, tuple(agents), left_out, notes)
+
+
+def describe_rides(rides: Mapping[str, str]) -> tuple[str, ...]:
+    """A note on passengers; none where there are none."""
+    words = [f"{name} in {vehicle}" for name, vehicle in rides.items()]
+    more = f" and {len(words) - 5} more" if len(words) > 5 else ""
+    return (f"passengers, left out: {', '.join(words[:5])}{more}",) if words else ()
 
 
 def resample_if_uneven(agent: AgentSamples, step: float) -> AgentSamples:

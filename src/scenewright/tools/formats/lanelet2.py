@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 from scenewright.geometry.geographic import LatLon, unproject_mercator
 from scenewright.scene.base import Point
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.exporters.lanes import find_crosswalk_edges
-from scenewright.tools.exporters.xml_writing import add, write_bytes
+from scenewright.tools.formats.lanes import find_crosswalk_edges
+from scenewright.tools.formats.xml import add, write_bytes
 
 NOWHERE: LatLon = (0.0, 0.0)
 """Where a map lies whose place is not known."""
