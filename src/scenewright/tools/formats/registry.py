@@ -28,8 +28,7 @@ class Format:
         index: its function that writes what belongs to all scenes of a folder, if any.
         forms: forms in which a scene can be written; the first is the usual one.
         packages: of the extra `exports`, needed by this format alone.
-        reader: its function (bytes, name) -> scenarios; None where tracks are not read, or as a
-            table is, by `track_io`.
+        reader: its function (bytes, name) -> scenarios; None where tracks are not read.
         files: how the names of files end that it reads, as a pattern.
     """
 
@@ -48,8 +47,14 @@ class Format:
 
 
 FORMATS: dict[str, Format] = {
-    "csv": Format("table of tracks, as `verify` reads it", "csv_tracks", "write_csv"),
-    "trajnet": Format("TrajNet++ ndjson, 2.5 Hz", "trajnet", "write_trajnet"),
+    "csv": Format(
+        "table of tracks, as `verify` reads it", "csv_tracks", "write_csv",
+        reader="read_csv", files=r"\.csv",
+    ),
+    "trajnet": Format(
+        "TrajNet++ ndjson, 2.5 Hz", "trajnet", "write_trajnet", reader="read_trajnet",
+        files=r"\.ndjson",
+    ),
     "fcd": Format(
         "SUMO floating car data", "fcd", "write_fcd", reader="read_fcd", files=r"\.xml"
     ),
@@ -120,7 +125,7 @@ def write_index(scenes: Sequence[ExportedScene], name: str) -> dict[str, bytes]:
 
 
 def find_reader(name: str, data: bytes = b"") -> Format | None:
-    """The format that reads a file of a simulator or motion data set; None where there is none.
+    """The format that reads a file of tracks; None where there is none.
 
     Args:
         data: the content, which tells formats apart whose names end alike.
@@ -130,8 +135,8 @@ def find_reader(name: str, data: bytes = b"") -> Format | None:
     return found[-1] if b"<commonRoad" in data[:100_000] else next(iter(found), None)
 
 
-def read_simulator_file(data: bytes, *, name: str) -> list[SampledRecording]:
-    """The scenarios of a file.
+def read_scenarios(data: bytes, *, name: str, **options: Any) -> list[SampledRecording]:
+    """The scenarios of a file, with options of its reader.
 
     Raises:
         InputError: no known kind of file, or nothing in it that can be read.
@@ -140,7 +145,7 @@ def read_simulator_file(data: bytes, *, name: str) -> list[SampledRecording]:
     if chosen is None or chosen.reader is None:
         raise InputError(f"{name} is of no kind that can be read")
     require_extra("exports", f"reading {name}", *chosen.packages)
-    recordings: list[SampledRecording] = chosen.load(chosen.reader)(data, name=name)
+    recordings: list[SampledRecording] = chosen.load(chosen.reader)(data, name=name, **options)
     if not any(each.agents for each in recordings):
         raise InputError(f"{name} holds no tracks of road users")
     return recordings

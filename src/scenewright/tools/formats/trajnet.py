@@ -14,10 +14,13 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.tools.formats.exported_scene import ExportedScene
+from scenewright.tools.formats.sample_table import SampleTable, crop, decode_text, find_fault
+from scenewright.tools.formats.sampled_recording import SampledRecording
 
 SAMPLE = 0.4
 """Between samples [s]."""
-FPS = 2.5
+FPS, SLOWEST, FASTEST = 2.5, 0.5, 1000.0
+"""Samples a second, and the fewest and the most that a file may have."""
 LENGTH, SHORTEST = 21, 10
 """Samples of a scene of the benchmark, 9 observed and 12 predicted; and least of one of ours whose
 agent takes part in an event that ends its track."""
@@ -62,6 +65,64 @@ def _list_scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, An
             ends = {"s": int(frames[0]), "e": int(frames[-1])}
             yield {"scene": {"id": number, "p": agent.id, **ends, "fps": FPS}}
             number += 1
+
+
+def read_trajnet(
+    data: bytes, *, name: str, predictions: Predictions = "refuse"
+) -> list[SampledRecording]:
+    """Pedestrians from lines {"scene": {…, fps}} and {"track": {f, p, x, y}}.
+
+    A track with a key `class`, as `write_trajnet` writes it, is of that class.
+    The scenes only say how fast the clock runs (2.5 frames/s unless they do): all tracks are taken
+    for one recording. Frames keep the numbers of the video, so that the commonest step from frame
+    to frame is one sample: t = f / (step in frames x fps).
+
+    Raises:
+        InputError: names the line and what to mend.
+    """
+    table, fps = SampleTable(name), dict[float, int]()
+    lines = decode_text(data, name=name).split("\n")
+    rows = iterate_trajnet_rows(lines, predictions=predictions, refuse=table.refuse)
+    for line, kind, values in rows:
+        if kind == "scene":
+            rate = _check_number(values.get("fps", FPS), "fps", line, table)
+            if not SLOWEST <= rate <= FASTEST:
+                table.refuse(line, f"fps = {rate:g} must be frames per second of the samples")
+            fps[rate] = line
+            continue
+        missing = [key for key in ("f", "p", "x", "y") if values.get(key) is None]
+        if missing:
+            table.refuse(line, f"the track has no {', '.join(missing)}; it needs f, p, x and y")
+        who = values["p"]
+        if isinstance(who, bool) or not isinstance(who, int | str) or who == "":
+            table.refuse(line, "p must be the number of an agent")
+        t, x, y = (_check_number(values[key], key, line, table) for key in "fxy")
+        if t != int(t):
+            table.refuse(line, f"f = {t:g} must be the whole number of a frame")
+        word = str(values.get("class", "pedestrian"))
+        table.add(line, str(who), word, {"t": t, "x": x, "y": y})
+    if len(fps) > 1:
+        (one, _), (other, line) = list(fps.items())[:2]
+        table.refuse(line, f"fps {other:g} here and {one:g} elsewhere; split the file by fps")
+    agents = table.list_agents()
+    # The commonest step from one row of an agent to the next [frames]; 1 if there is none.
+    steps = np.concatenate([np.zeros(0), *(np.diff(agent.t) for agent in agents)])
+    found, counts = np.unique(steps, return_counts=True)
+    stride = float(found[np.argmax(counts)]) if len(found) else 1.0
+    unit = 1 / (next(iter(fps), FPS) * stride) if stride > 0 else 1.0
+    return [SampledRecording("", agents, clock="f", unit=unit)]
+
+
+def _check_number(value: Any, key: str, line: int, table: SampleTable) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        table.refuse(line, f"{key} is {crop(json.dumps(value))}, not a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        table.refuse(line, f"{key} is too large")
+    if reason := find_fault(key, number):
+        table.refuse(line, reason)
+    return number
 
 
 def iterate_trajnet_rows(
