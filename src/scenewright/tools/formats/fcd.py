@@ -14,17 +14,15 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.formats.exported_scene import ExportedScene
+from scenewright.tools.formats.sample_table import SampleTable
 from scenewright.tools.formats.sampled_recording import (
     SUBTYPE_OF_WORD,
-    AgentSamples,
     SampledRecording,
     describe_rides,
     find_road_user,
-    sort_out,
 )
 from scenewright.tools.formats.xml import add, walk_xml, write_bytes
 
-_Agent = tuple[str, tuple[float | None, float | None], list[tuple[float, float, float, float]]]
 _LENGTHS = {name: size[0] for name, size in VEHICLE_SIZES.items()} | {"bicycle": 1.8}
 
 
@@ -56,8 +54,7 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
     Raises:
         InputError: not well-formed, with a document type, or a row without usable numbers.
     """
-    # By name its subtype, size, and rows of time, x and y of the centre, heading (NaN if unknown).
-    agents: dict[str, _Agent] = {}
+    table = SampleTable(name, one_class=False)
     rides: dict[str, str] = {}
     now = 0.0
 
@@ -69,20 +66,15 @@ def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
             elif tag == "person" and row.get("vehicle"):
                 rides[f"person {row['id']}"] = f"vehicle {row['vehicle']}"
             elif tag in ("vehicle", "person"):
-                _add_row(agents, tag, row, now)
+                _add_row(table, tag, row, now)
         except (KeyError, ValueError):
             raise InputError(f"{name} has a {tag} without usable id, time, x, y") from None
 
     walk_xml(data, name=name, StartElementHandler=start)
-    found = []
-    for key, (subtype, size, rows) in agents.items():
-        t, x, y, heading = np.array(rows).T
-        turns = None if np.isnan(heading).any() else heading
-        found.append(("", AgentSamples(key, subtype, t, np.column_stack([x, y]), turns, *size)))
-    return [sort_out("", found, describe_rides(rides))]
+    return [SampledRecording("", table.list_agents(), notes=describe_rides(rides))]
 
 
-def _add_row(agents: dict[str, _Agent], tag: str, row: dict[str, str], now: float) -> None:
+def _add_row(table: SampleTable, tag: str, row: dict[str, str], now: float) -> None:
     x, y = float(row["x"]), float(row["y"])
     word = "pedestrian"
     if tag == "vehicle":
@@ -90,11 +82,9 @@ def _add_row(agents: dict[str, _Agent], tag: str, row: dict[str, str], now: floa
         said = row.get("type", "")
         words = (w for w, s in SUBTYPE_OF_WORD.items() if w in said.lower() and s != "pedestrian")
         word = find_road_user(said) or SUBTYPE_OF_WORD[next(words, "car")]
-    length, width = (float(row[key]) if key in row else None for key in ("length", "width"))
-    turn = math.nan
+    values: dict[str, float] = {k: float(row[k]) for k in ("length", "width") if k in row}
     if "angle" in row:
-        turn = math.radians(90.0 - float(row["angle"]))
-        back = (length or _LENGTHS.get(word, 4.6)) / 2 if tag == "vehicle" else 0.0
+        values["heading"] = turn = math.radians(90.0 - float(row["angle"]))
+        back = values.get("length", _LENGTHS.get(word, 4.6)) / 2 if tag == "vehicle" else 0.0
         x, y = x - back * math.cos(turn), y - back * math.sin(turn)
-    rows = agents.setdefault(f"{tag} {row['id']}", (word, (length, width), []))[2]
-    rows.append((now, x, y, turn))
+    table.add(None, f"{tag} {row['id']}", word, {"t": now, "x": x, "y": y} | values)

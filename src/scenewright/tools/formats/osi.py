@@ -7,13 +7,11 @@ own, which changes no bytes.
 from __future__ import annotations
 
 import io
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
 from typing import Any
-
-import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
@@ -21,7 +19,8 @@ from scenewright.tools.formats.lanes import find_light_places
 from scenewright.tools.formats.mcap_writing import Topic, write_mcap
 from scenewright.tools.formats.opendrive import number_signals, write_opendrive
 from scenewright.tools.formats.protobuf_schema import build_messages, describe_file
-from scenewright.tools.formats.sampled_recording import AgentSamples, SampledRecording
+from scenewright.tools.formats.sample_table import SampleTable
+from scenewright.tools.formats.sampled_recording import SampledRecording
 
 VERSION = {"version_major": 3, "version_minor": 7, "version_patch": 0}
 FIRST_LIGHT = 1_000_000
@@ -171,10 +170,11 @@ def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
     Raises:
         InputError: damaged, no ground truth, or the package mcap is missing.
     """
-    samples: dict[tuple[int, str], list[tuple[float, ...]]] = defaultdict(list)
-    left_out = Counter[str]()
-    for message in _read_messages(data, name):
-        time = message.timestamp.seconds + 1e-9 * message.timestamp.nanos
+    table, left_out = SampleTable(name), Counter[str]()
+    messages = [
+        (m.timestamp.seconds + 1e-9 * m.timestamp.nanos, m) for m in _read_messages(data, name)
+    ]
+    for time, message in sorted(messages, key=lambda each: each[0]):
         for thing in message.moving_object:
             if thing.type == PEDESTRIAN:
                 subtype = "pedestrian"
@@ -184,17 +184,11 @@ def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
                 left_out[f"type {thing.type}"] += 1
                 continue
             base = thing.base
-            samples[thing.id.value, subtype].append(
-                (round(time, 6), base.position.x, base.position.y, base.orientation.yaw,
-                 base.dimension.length, base.dimension.width)
-            )  # fmt: skip
-    agents = []
-    for (n, subtype), rows in samples.items():
-        table = np.array(sorted(rows))
-        length, width = (size or None for size in np.median(table[:, 4:], axis=0).tolist())
-        t, xy, heading = table[:, 0], table[:, 1:3], table[:, 3]
-        agents.append(AgentSamples(str(n), subtype, t, xy, heading, length, width))
-    return [SampledRecording("", tuple(agents), left_out)]
+            sizes = {"length": base.dimension.length, "width": base.dimension.width}
+            place = {"x": base.position.x, "y": base.position.y, "heading": base.orientation.yaw}
+            known = {key: size for key, size in sizes.items() if size}
+            table.add(None, str(thing.id.value), subtype, {"t": round(time, 6)} | place | known)
+    return [SampledRecording("", table.list_agents(), left_out)]
 
 
 def _read_messages(data: bytes, name: str) -> list[Any]:

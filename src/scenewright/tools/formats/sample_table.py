@@ -42,11 +42,11 @@ class SampleTable:
     one_class: bool = True
     agents: dict[str, _Rows] = field(default_factory=dict)
 
-    def refuse(self, line: int, reason: str) -> NoReturn:
-        """Raise InputError with the place of a row."""
-        raise InputError(f"{self.name}, line {line}: {reason}")
+    def refuse(self, line: int | None, reason: str) -> NoReturn:
+        """Raise InputError with the place of a row, if it has a line of its own."""
+        raise InputError(f"{self.name}{'' if line is None else f', line {line}'}: {reason}")
 
-    def add(self, line: int, who: str, word: str, values: Mapping[str, float]) -> None:
+    def add(self, line: int | None, who: str, word: str, values: Mapping[str, float]) -> None:
         """Append a row of `COLUMNS`, of which those that are optional may be missing.
 
         Raises:
@@ -61,9 +61,10 @@ class SampleTable:
                 self.refuse(line, reason)
         rows = self.agents.setdefault(who, _Rows(subtype))
         if rows.subtype != subtype and self.one_class:
-            self.refuse(line, f"id {crop(who)} is a {subtype} here and a {rows.subtype} in line "
-                        f"{rows.lines[0]}; give each agent an id of its own")  # fmt: skip
-        rows.lines.append(line)
+            first = f"in line {rows.lines[0]}" if rows.lines else "elsewhere"
+            self.refuse(line, f"id {crop(who)} is a {subtype} here and a {rows.subtype} {first}; "
+                        "give each agent an id of its own")  # fmt: skip
+        rows.lines.extend([] if line is None else [line])
         rows.values.extend(values.get(column, math.nan) for column in COLUMNS)
 
     def list_agents(self) -> tuple[AgentSamples, ...]:
@@ -71,10 +72,13 @@ class SampleTable:
         found = []
         for who, rows in self.agents.items():
             table = np.array(rows.values).reshape(-1, len(COLUMNS))
-            sizes = (None if np.isnan(v).all() else float(np.nanmedian(v)) for v in table[:, 4:].T)
+            length, width = (
+                None if np.isnan(v).all() else round(float(np.nanmedian(v)), 4)
+                for v in table[:, 4:].T
+            )
             found.append(AgentSamples(
-                who, rows.subtype, table[:, 0], table[:, 1:3], table[:, 3], *sizes,
-                lines=np.array(rows.lines),
+                who, rows.subtype, table[:, 0], table[:, 1:3], table[:, 3], length, width,
+                lines=np.array(rows.lines) if rows.lines else None,
             ))  # fmt: skip
         return tuple(found)
 

@@ -269,12 +269,12 @@ def _read_track(
         valid = valid & (np.arange(len(valid)) < until)
     xy = np.asarray(state["position"], dtype=np.float64)[valid, :2]
     heading = np.asarray(state["heading"], dtype=np.float64).reshape(-1)[valid]
-    sizes = {
-        name: float(np.median(np.asarray(state[name], dtype=np.float64).reshape(-1)[valid]))
+    length, width = (
+        float(np.median(np.asarray(state[name], dtype=np.float64).reshape(-1)[valid]))
+        if name in state and valid.any() else None
         for name in ("length", "width")
-        if name in state and valid.any()
-    }
+    )  # fmt: skip
     # The subtype by our own exporter's note, which says more than VEHICLE.
     kind = track.get("metadata", {}).get("kind")
     subtype = (find_road_user(kind) if isinstance(kind, str) else None) or subtype
-    return word, AgentSamples(key, subtype, times[valid], xy, heading, **sizes)
+    return word, AgentSamples(key, subtype, times[valid], xy, heading, length, width)

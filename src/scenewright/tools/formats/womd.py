@@ -8,6 +8,7 @@ the current one and 80 future ones, 16 lights, 30,000 points of the map.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any
@@ -23,7 +24,8 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
 from scenewright.tools.formats.lanes import list_points, list_predecessors, number_lanes
 from scenewright.tools.formats.protobuf_schema import build_messages
-from scenewright.tools.formats.sampled_recording import AgentSamples, SampledRecording, sort_out
+from scenewright.tools.formats.sample_table import SampleTable
+from scenewright.tools.formats.sampled_recording import SampledRecording
 
 WINDOW, CURRENT, EVENT = 91, 10, 60
 """Steps of a scenario of the dataset, which of them is now, and where a window has its event."""
@@ -196,28 +198,20 @@ def _read_record(record: bytes, name: str) -> SampledRecording:
         raise InputError(f"{name} is no Scenario and no tf.Example of a scene") from error
     if not scenario.tracks:
         raise InputError(f"{name} is no Scenario with tracks, and no tf.Example of one")
-    times = np.array(scenario.timestamps_seconds).round(4)
-    found = []
+    times = np.array(scenario.timestamps_seconds).round(4).tolist()
+    table, left_out = SampleTable(name), Counter[str]()
     for track in scenario.tracks:
         if len(track.states) != len(times):
             raise InputError(f"{name}: track {track.id} has no state for every time")
-        subtype = _TYPES.get(track.object_type)
-        agent = None if subtype is None else _read_track(track, subtype, times)
-        found.append((f"type {track.object_type}", agent))
-    return sort_out(str(scenario.scenario_id), found)
-
-
-def _read_track(track: Any, subtype: str, times: np.ndarray) -> AgentSamples:
-    valid = [k for k, state in enumerate(track.states) if state.valid]
-    states = [track.states[k] for k in valid]
-    rows = np.array(
-        [(s.center_x, s.center_y, s.heading, s.length, s.width) for s in states]
-    ).reshape(-1, 5)
-    sizes = np.median(rows[:, 3:], axis=0).round(4).tolist() if states else (None, None)
-    length, width = (size or None for size in sizes)
-    return AgentSamples(
-        str(track.id), subtype, times[valid], rows[:, :2], rows[:, 2], length, width
-    )
+        if (subtype := _TYPES.get(track.object_type)) is None:
+            left_out[f"type {track.object_type}"] += 1
+            continue
+        for t, s in zip(times, track.states, strict=True):
+            if s.valid:
+                sizes = {key: getattr(s, key) for key in ("length", "width") if getattr(s, key)}
+                place = {"t": t, "x": s.center_x, "y": s.center_y, "heading": s.heading}
+                table.add(None, str(track.id), subtype, place | sizes)
+    return SampledRecording(str(scenario.scenario_id), table.list_agents(), left_out)
 
 
 @cache
@@ -250,24 +244,24 @@ def _read_example_tracks(tensors: _Tensors, name: str) -> SampledRecording:
     """
     objects = len(tensors["state/id"])
     states = {each: _join(tensors, each, objects, name) for each in STATES}
-    found: list[tuple[str, AgentSamples | None]] = []
+    kinds = _get(tensors, "state/type", objects, name)
+    table, left_out = SampleTable(name), Counter[str]()
     for k, number in enumerate(tensors["state/id"]):
         valid = states["valid"][k] > 0
         if not valid.any():
             continue
-        kind = int(_get(tensors, "state/type", objects, name)[k])
-        agent, subtype = None, _TYPES.get(kind)
-        if subtype is not None:
-            here = {each: values[k][valid] for each, values in states.items()}
-            sizes = (round(float(np.median(here[each])), 4) for each in ("length", "width"))
-            agent = AgentSamples(
-                f"{number:.0f}", subtype, (here["timestamp_micros"] * 1e-6).round(4),
-                np.stack([here["x"], here["y"]], axis=1), here["bbox_yaw"],
-                *(size if size > 0 else None for size in sizes),
-            )  # fmt: skip
-        found.append((f"type {kind}", agent))
+        if (subtype := _TYPES.get(int(kinds[k]))) is None:
+            left_out[f"type {int(kinds[k])}"] += 1
+            continue
+        for j in np.flatnonzero(valid):
+            here = {each: float(values[k, j]) for each, values in states.items()}
+            sizes = {key: here[key] for key in ("length", "width") if here[key] > 0}
+            place = {"x": here["x"], "y": here["y"], "heading": here["bbox_yaw"]}
+            time = round(here["timestamp_micros"] * 1e-6, 4)
+            table.add(None, f"{number:.0f}", subtype, {"t": time} | place | sizes)
     title = tensors.get("scenario/id", np.array([b""]))[0]
-    return sort_out(title.decode(errors="replace") if isinstance(title, bytes) else "", found)
+    title = title.decode(errors="replace") if isinstance(title, bytes) else ""
+    return SampledRecording(title, table.list_agents(), left_out)
 
 
 def _get(tensors: _Tensors, key: str, size: int, name: str) -> np.ndarray[Any, Any]:

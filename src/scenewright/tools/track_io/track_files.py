@@ -119,6 +119,7 @@ def _read(
     settling: Mapping[AgentClass, float] = {"vehicle": 0.0, "pedestrian": 0.0}
     begin: float | None = None
     origin: tuple[float, float] | None = None
+    agents: Sequence[AgentSamples]
     try:
         if columns is None and file.suffix != ".csv" and find_reader(file.name) is not None:
             yield from _read_scenarios(file)
