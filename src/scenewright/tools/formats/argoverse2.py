@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections import Counter
 from importlib import import_module
 from typing import Any
 
@@ -22,12 +23,8 @@ from scenewright.tools.formats.lanes import (
     list_predecessors,
     number_lanes,
 )
-from scenewright.tools.formats.sampled_recording import (
-    AgentSamples,
-    SampledRecording,
-    find_road_user,
-    sort_out,
-)
+from scenewright.tools.formats.sample_table import SampleTable
+from scenewright.tools.formats.sampled_recording import SampledRecording, find_road_user
 
 WINDOW, OBSERVED, EVENT = 110, 50, 80
 """Steps of a scenario of the dataset, how many are observed, and where a window has its event."""
@@ -164,22 +161,18 @@ def read_argoverse2(data: bytes, *, name: str) -> list[SampledRecording]:
         raise InputError(f"{name} is no Parquet file that can be read") from error
     if not columns["track_id"]:
         raise InputError(f"{name} holds no tracks")
-    steps, ids = np.array(columns["timestep"]), np.array(columns["track_id"], dtype=str)
+    steps, ids = np.array(columns["timestep"]), columns["track_id"]
     start, end, count = (columns[key][0] for key in _NEEDED[-3:])
     step = (end - start) * NANOSECONDS / max(count - 1, 1)
-    keys = ("position_x", "position_y", "heading")
-    places = np.stack([np.array(columns[key], dtype=np.float64) for key in keys], axis=1)
-    found = []
-    for who in dict.fromkeys(ids.tolist()):
-        rows = np.flatnonzero(ids == who)
-        rows = rows[np.argsort(steps[rows], kind="stable")]
-        first = int(rows[0])
-        word = str(columns["kind" if "kind" in columns else "object_type"][first])
-        subtype = find_road_user(word)
-        agent = None
-        if subtype is not None:
-            length, width = (columns[key][first] if key in columns else None for key in _OWN[:2])
-            t = (steps[rows] * step).round(4)
-            agent = AgentSamples(who, subtype, t, places[rows, :2], places[rows, 2], length, width)
-        found.append((word, agent))
-    return [sort_out("", found)]
+    table, others = SampleTable(name), dict[str, str]()
+    for k in np.argsort(steps, kind="stable").tolist():
+        who, word = str(ids[k]), str(columns["kind" if "kind" in columns else "object_type"][k])
+        if (subtype := find_road_user(word)) is None:
+            others[who] = word
+            continue
+        names = {"x": "position_x", "y": "position_y", "heading": "heading"} | {
+            key: key for key in own if key != "kind"
+        }
+        place = {key: float(columns[column][k]) for key, column in names.items()}
+        table.add(None, who, subtype, {"t": round(float(steps[k] * step), 4)} | place)
+    return [SampledRecording("", table.list_agents(), Counter(others.values()))]

@@ -227,7 +227,11 @@ def _add_speed(action: _Element, speed: float | str) -> None:
 def _enter_on_lane(agent: ExportedAgent, road: Road) -> ExportedAgent:
     """The agent from when its axle is on its lane; at the map's edge it enters before that."""
     on_lane = (k for k, xy in enumerate(agent.xy.tolist()) if road.locate(xy)[0] > 0.0)
-    return agent.shift_start(next(on_lane, 0))
+    count = next(on_lane, 0)
+    return replace(
+        agent, first=agent.first + count, xy=agent.xy[count:], heading=agent.heading[count:],
+        velocity=agent.velocity[count:],
+    )  # fmt: skip
 
 
 def _add_place(parent: _Element, agent: ExportedAgent, way: _Way) -> None:
@@ -344,19 +348,28 @@ def _add_stop(maneuver: _Element, agent: ExportedAgent, scene: ExportedScene) ->
 
 def _add_trajectory(action: _Element, agent: ExportedAgent, *, held: bool) -> None:
     """The track; one that a collision ends is held for a step, so that no clock misses its end."""
+    times, xy, heading = agent.times.tolist(), agent.xy, agent.heading
+    if held:
+        times = [*times, round(times[-1] + agent.step, 3)]
+        xy, heading = np.concatenate([xy, xy[-1:]]), np.append(heading, heading[-1])
+    reference = _add_line(action, f"track {agent.name}", xy, heading, times)
+    add(reference, "Timing", domainAbsoluteRelative="absolute", scale=1.0, offset=0.0)
+
+
+def _add_line(
+    action: _Element, name: str, xy: FloatArray, heading: FloatArray, times: list[float] | None
+) -> _Element:
+    """A line to follow through places [n, 2]; the element that says whether its times count."""
     follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
-    reference = add(follow, "TrajectoryRef")
-    path = add(reference, "Trajectory", name=f"track {agent.name}", closed=False)
+    path = add(add(follow, "TrajectoryRef"), "Trajectory", name=name, closed=False)
     add(path, "ParameterDeclarations")
     line = add(add(path, "Shape"), "Polyline")
-    for t, xy, heading in zip(agent.times.tolist(), agent.xy, agent.heading.tolist(), strict=True):
-        _add_position(add(line, "Vertex", time=t), xy, heading)
-    if held:
-        vertex = add(line, "Vertex", time=round(float(agent.times[-1]) + agent.step, 3))
-        _add_position(vertex, agent.xy[-1], float(agent.heading[-1]))
-    timing = add(follow, "TimeReference")
-    add(timing, "Timing", domainAbsoluteRelative="absolute", scale=1.0, offset=0.0)
+    for k, (place, turn) in enumerate(zip(xy, heading.tolist(), strict=True)):
+        vertex = add(line, "Vertex") if times is None else add(line, "Vertex", time=times[k])
+        _add_position(vertex, place, turn)
+    reference = add(follow, "TimeReference")
     add(follow, "TrajectoryFollowingMode", followingMode="position")
+    return reference
 
 
 def _find_way(agent: ExportedAgent, scene: ExportedScene, roads: _Roads) -> _Way:
@@ -428,16 +441,7 @@ def _add_way(action: _Element, agent: ExportedAgent, way: _Way) -> None:
     """The lanes to drive on, or the line to go along where there are none."""
     if not way:
         # A trajectory without times: where to go, not when.
-        follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
-        path = add(
-            add(follow, "TrajectoryRef"), "Trajectory", name=f"way {agent.name}", closed=False
-        )
-        add(path, "ParameterDeclarations")
-        shape = add(add(path, "Shape"), "Polyline")
-        for xy, heading in zip(*_follow_track(agent), strict=True):
-            _add_position(add(shape, "Vertex"), xy, float(heading))
-        add(add(follow, "TimeReference"), "None")
-        add(follow, "TrajectoryFollowingMode", followingMode="position")
+        add(_add_line(action, f"way {agent.name}", *_follow_track(agent), None), "None")
         return
     route = add(add(add(action, "RoutingAction"), "AssignRouteAction"), "Route",
                 name=f"route {agent.name}", closed=False)  # fmt: skip

@@ -166,23 +166,19 @@ def _flatten(points: Sequence[Sequence[float]]) -> np.ndarray[Any, np.dtype[np.f
 
 def _describe_lights(scene: ExportedScene) -> dict[str, Any]:
     """The light of every lane that ends at a stop line with one."""
-    lanelets = {each.id: each for each in scene.intersection_map.lanelets}
-    states = {}
-    for line in scene.intersection_map.stop_lines:
-        colours = scene.list_colours().get(line.id)
-        for name in line.lanelets if colours else ():
-            end: FloatArray = np.array(lanelets[name].centreline[-1])
-            states[name] = {
-                "type": "TRAFFIC_LIGHT",
-                "state": {"object_state": [f"TRAFFIC_LIGHT_{_LIGHTS[c]}" for c in colours or ()]},
-                "lane": name,
-                "stop_point": np.array([*end, 0.0], np.float32),
-                "metadata": {
-                    "type": "TRAFFIC_LIGHT", "object_id": name, "dataset": DATASET,
-                    "track_length": scene.steps,
-                },
-            }  # fmt: skip
-    return states
+    return {
+        name: {
+            "type": "TRAFFIC_LIGHT",
+            "state": {"object_state": [f"TRAFFIC_LIGHT_{_LIGHTS[c]}" for c in colours]},
+            "lane": name,
+            "stop_point": np.array([*end, 0.0], np.float32),
+            "metadata": {
+                "type": "TRAFFIC_LIGHT", "object_id": name, "dataset": DATASET,
+                "track_length": scene.steps,
+            },
+        }
+        for name, end, colours in scene.list_lane_lights()
+    }  # fmt: skip
 
 
 def _summarize(name: str, track: dict[str, Any]) -> dict[str, Any]:

@@ -147,27 +147,19 @@ def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
 
 def _describe_lights(scene: ExportedScene) -> list[dict[str, Any]]:
     """At every step the light of each lane that ends at a stop line."""
-    numbers, colours = number_lanes(scene.intersection_map), scene.list_colours()
-    ends = {each.id: each.centreline[-1] for each in scene.intersection_map.lanelets}
-    lanes = [
-        (lane, line.id)
-        for line in scene.intersection_map.stop_lines
-        for lane in line.lanelets
-        if line.id in colours
-    ]
+    numbers, lights = number_lanes(scene.intersection_map), scene.list_lane_lights()
     return [
         {
             "lane_states": [
                 {
-                    "lane": numbers[lane],
-                    "state": _STATES[colours[line][k]],
-                    "stop_point": list_points([ends[lane]])[0],
+                    "lane": numbers[lane], "state": _STATES[colours[k]],
+                    "stop_point": list_points([end])[0],
                 }
-                for lane, line in lanes
+                for lane, end, colours in lights
             ]
         }
         for k in range(scene.steps)
-    ]
+    ]  # fmt: skip
 
 
 @cache
