@@ -165,7 +165,8 @@ def read_argoverse2(data: bytes, *, name: str) -> list[SampledRecording]:
     start, end, count = (columns[key][0] for key in _NEEDED[-3:])
     step = (end - start) * NANOSECONDS / max(count - 1, 1)
     table, others = SampleTable(name), dict[str, str]()
-    for k in np.argsort(steps, kind="stable").tolist():
+    first = {who: k for k, who in reversed(list(enumerate(ids)))}
+    for k in sorted(range(len(ids)), key=lambda k: (first[ids[k]], steps[k])):
         who, word = str(ids[k]), str(columns["kind" if "kind" in columns else "object_type"][k])
         if (subtype := find_road_user(word)) is None:
             others[who] = word

@@ -143,7 +143,10 @@ def read_scenarios(data: bytes, *, name: str, **options: Any) -> list[SampledRec
     """
     chosen = find_reader(name, data)
     if chosen is None or chosen.reader is None:
-        raise InputError(f"{name} is of no kind that can be read")
+        raise InputError(
+            f"{name} is of no kind that can be read; tracks are read from .csv, .ndjson and the "
+            "files of simulators and data sets (docs/formats.md)"
+        )
     require_extra("exports", f"reading {name}", *chosen.packages)
     recordings: list[SampledRecording] = chosen.load(chosen.reader)(data, name=name, **options)
     if not any(each.agents for each in recordings):
