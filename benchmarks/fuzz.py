@@ -223,10 +223,10 @@ def read_scene(rng: random.Random, folder: Path) -> None:
 
 def read_track_file(rng: random.Random, _folder: Path) -> None:
     """The readers of foreign tracks on a damaged file."""
-    from scenewright.tools.track_io.external_tracks import read_tracks
+    from scenewright.tools.track_io.external_tracks import read_external_recordings
 
     name, data = rng.choice(list_track_files())
-    read_tracks(damage_bytes(data, rng), name=name)
+    read_external_recordings(damage_bytes(data, rng), name=name)
 
 
 def read_map(rng: random.Random, folder: Path) -> None:
