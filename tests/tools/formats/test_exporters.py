@@ -38,8 +38,10 @@ from scenewright.tools.formats.womd import (
     load_scenario_class,
     read_example,
     read_records,
-    read_womd,
     write_records,
+)
+from scenewright.tools.formats.womd import (
+    read as read_womd,
 )
 from scenewright.tools.formats.wosac import CURRENT, ROLLOUTS, STEPS, load_messages
 from scenewright.tools.track_io.external_tracks import read_external_recordings

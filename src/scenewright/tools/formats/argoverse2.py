@@ -38,7 +38,7 @@ _OWN = ("length", "width", "kind")
 """Columns that our exporter adds: Argoverse 2 states no sizes."""
 
 
-def write_argoverse2(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
+def write(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
     """The 11 s of the dataset around the event, or the whole scene; the ego is the track `AV`."""
     if form == "window":
         scene = scene.cut_window(WINDOW, now=OBSERVED - 1, event=EVENT)
@@ -141,7 +141,7 @@ def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
     }
 
 
-def read_argoverse2(data: bytes, *, name: str) -> list[SampledRecording]:
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
     """The tracks of one scenario; sizes are the usual ones unless our exporter wrote the file.
 
     Raises:

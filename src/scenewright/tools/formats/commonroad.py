@@ -40,7 +40,7 @@ _Element = ElementTree.Element
 _STATE = ("time/exact", "position/point/x", "position/point/y", "orientation/exact")
 
 
-def write_commonroad(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """The scene; an ego that the caller named is a planning problem instead of an obstacle.
 
     The scene then begins when the ego enters, as a planning problem begins at time step 0.
@@ -230,7 +230,7 @@ def _add_text(parent: _Element, name: str, value: object) -> None:
     add(parent, name).text = format_value(text)
 
 
-def read_commonroad(data: bytes, *, name: str) -> list[SampledRecording]:
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
     """The dynamic obstacles that have trajectories; static ones are left out.
 
     Raises:

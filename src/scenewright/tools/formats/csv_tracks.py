@@ -20,7 +20,7 @@ _WITH_COMMA = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE)
 _SEPARATE = "numbers with a decimal comma need another separator, such as a semicolon"
 
 
-def write_csv(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """The rows in order of agents and times; metres, seconds, radians."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
@@ -34,7 +34,7 @@ def write_csv(scene: ExportedScene) -> dict[str, bytes]:
     return {f"{scene.name}.csv": text.getvalue().encode()}
 
 
-def read_csv(data: bytes, *, name: str) -> list[SampledRecording]:
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
     """Tracks from a table with the columns t, id, class, x, y and perhaps heading, length, width.
 
     Seconds, metres, radians, with a decimal point or comma. Columns may stand in any order, further

@@ -26,7 +26,7 @@ from scenewright.tools.formats.xml import add, walk_xml, write_bytes
 _LENGTHS = {name: size[0] for name, size in VEHICLE_SIZES.items()} | {"bicycle": 1.8}
 
 
-def write_fcd(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """One `timestep` per 0.1 s, vehicles before persons as SUMO's schema wants them."""
     agents = sorted(scene.agents, key=lambda each: not each.names.is_vehicle)
     root = ElementTree.Element("fcd-export")
@@ -48,7 +48,7 @@ def write_fcd(scene: ExportedScene) -> dict[str, bytes]:
     return {f"{scene.name}.fcd.xml": write_bytes(root)}
 
 
-def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
     """Vehicles and persons of an FCD file; persons not while they ride in a vehicle.
 
     Raises:

@@ -42,7 +42,7 @@ _LINE_STRIP = 0
 _LINES = {"lane": (0.5, 0.5, 0.5), "crosswalk": (0.9, 0.9, 0.9)}
 
 
-def write_foxglove(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """Lanes on /map, boxes on /agents every 0.1 s, changes of /lights, a line per event."""
     messages = sorted(_list_messages(scene), key=lambda each: each[1])
     topics = {

@@ -62,7 +62,7 @@ _FOLLOW = "Action/PrivateAction/RoutingAction/FollowTrajectoryAction"
 _TIME = "StartTrigger/ConditionGroup/Condition/ByValueCondition/SimulationTimeCondition"
 
 
-def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[str, bytes]:
+def write(scene: ExportedScene, *, form: str = "replay") -> dict[str, bytes]:
     """The .xosc and .xodr of a scene.
 
     An ego that the caller named gets its place, speed and route, and is left alone from then on;
@@ -484,7 +484,7 @@ def _add_condition(trigger: _Element, name: str, delay: float = 0.0) -> _Element
     return add(group, "Condition", name=name, delay=delay, conditionEdge="none")
 
 
-def read_openscenario(data: bytes, *, name: str) -> list[SampledRecording]:
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
     """The trajectories of all entities that have one.
 
     Vertices that are not evenly 0.1 s apart are resampled, as the standard defines the track

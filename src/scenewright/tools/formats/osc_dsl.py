@@ -16,7 +16,7 @@ _OF_RELATION = (
 )  # fmt: skip
 
 
-def write_constraints(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """The .osc of a scene: the plan that it was made from, else that of its record."""
     record, plan = scene.record, scene.record.meta.plan
     if plan is None:

@@ -56,7 +56,7 @@ _VEHICLES = {7: "truck", 8: "truck", 9: "truck", 16: "truck", 10: "motorcycle", 
 _VEHICLES |= dict.fromkeys((11, 17), "bicycle")
 
 
-def write_osi(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """A GroundTruth message per step, and the map once."""
     about = {
         "version": "3.7.0", "min_osi_version": "3.7.0", "max_osi_version": "3.7.0",
@@ -164,7 +164,7 @@ def load_osi_classes() -> dict[str, Any]:
     return build_messages(PACKAGE, SCHEMA)
 
 
-def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
     """The moving objects of all ground truth in an MCAP file.
 
     Raises:

@@ -24,71 +24,49 @@ class Format:
 
     Attributes:
         title: what it is, in a few words.
-        module: below this room; writer: its function (scene) -> file name -> bytes.
-        index: its function that writes what belongs to all scenes of a folder, if any.
+        module: below this room, with `write` (scene) -> file name -> bytes, perhaps in a `form`.
+        files: how the names of files end that its `read` (bytes, name) -> scenarios reads, as a
+            pattern; empty where it has none.
         forms: forms in which a scene can be written; the first is the usual one.
         packages: of the extra `exports`, needed by this format alone.
-        reader: its function (bytes, name) -> scenarios; None where tracks are not read.
-        files: how the names of files end that it reads, as a pattern.
+        index: whether its `write_index` writes what belongs to all scenes of a folder.
     """
 
     title: str
     module: str
-    writer: str
-    index: str | None = None
+    files: str = ""
     forms: tuple[str, ...] = ("replay",)
     packages: tuple[str, ...] = ()
-    reader: str | None = None
-    files: str = ""
+    index: bool = False
 
     def load(self, function: str) -> Callable[..., Any]:
         """A function of the format's module."""
         return getattr(import_module(f"{__package__}.{self.module}"), function)  # type: ignore[no-any-return]
 
 
+_PARTS = ("window", "whole")
 FORMATS: dict[str, Format] = {
-    "csv": Format(
-        "table of tracks, as `verify` reads it", "csv_tracks", "write_csv",
-        reader="read_csv", files=r"\.csv",
-    ),
-    "trajnet": Format(
-        "TrajNet++ ndjson, 2.5 Hz", "trajnet", "write_trajnet", reader="read_trajnet",
-        files=r"\.ndjson",
-    ),
-    "fcd": Format(
-        "SUMO floating car data", "fcd", "write_fcd", reader="read_fcd", files=r"\.xml"
-    ),
+    "csv": Format("table of tracks, as `verify` reads it", "csv_tracks", r"\.csv"),
+    "trajnet": Format("TrajNet++ ndjson, 2.5 Hz", "trajnet", r"\.ndjson"),
+    "fcd": Format("SUMO floating car data", "fcd", r"\.xml"),
     "openscenario": Format(
-        "OpenSCENARIO 1.2 with OpenDRIVE", "openscenario", "write_openscenario",
-        forms=("replay", "reactive"), reader="read_openscenario", files=r"\.xosc",
+        "OpenSCENARIO 1.2 with OpenDRIVE", "openscenario", r"\.xosc", ("replay", "reactive")
     ),
-    "osc-dsl": Format("OpenSCENARIO DSL 2.1, what was asked for", "osc_dsl", "write_constraints"),
+    "osc-dsl": Format("OpenSCENARIO DSL 2.1, what was asked for", "osc_dsl"),
     "scenarionet": Format(
-        "ScenarioNet pickles, for MetaDrive", "scenarionet", "write_scenarionet",
-        "write_summaries", reader="read_scenarionet", files=r"\.pkl",
+        "ScenarioNet pickles, for MetaDrive", "scenarionet", r"\.pkl", index=True
     ),
-    "commonroad": Format(
-        "CommonRoad XML 2020a", "commonroad", "write_commonroad", reader="read_commonroad",
-        files=r"\.xml",
-    ),
+    "commonroad": Format("CommonRoad XML 2020a", "commonroad", r"\.xml"),
     "womd": Format(
-        "Waymo Motion records", "womd", "write_womd", forms=("window", "whole", "example"),
-        reader="read_womd", files=r"\.tfrecord(-\d+-of-\d+)?",
+        "Waymo Motion records", "womd", r"\.tfrecord(-\d+-of-\d+)?", (*_PARTS, "example")
     ),
-    "wosac": Format("Waymo Sim Agents rollouts", "wosac", "write_joint_scene", "write_submission"),
+    "wosac": Format("Waymo Sim Agents rollouts", "wosac", index=True),
     "argoverse2": Format(
-        "Argoverse 2 Parquet and map JSON", "argoverse2", "write_argoverse2",
-        forms=("window", "whole"), packages=("pyarrow",), reader="read_argoverse2",
-        files=r"\.parquet",
+        "Argoverse 2 Parquet and map JSON", "argoverse2", r"\.parquet", _PARTS, ("pyarrow",)
     ),
-    "osi": Format(
-        "ASAM OSI ground truth in MCAP", "osi", "write_osi", packages=("mcap",),
-        reader="read_osi", files=r"\.mcap",
-    ),
-    "foxglove": Format(
-        "Foxglove scene in MCAP, to look at", "foxglove", "write_foxglove", packages=("mcap",)
-    ),
-}  # fmt: skip
+    "osi": Format("ASAM OSI ground truth in MCAP", "osi", r"\.mcap", packages=("mcap",)),
+    "foxglove": Format("Foxglove scene in MCAP, to look at", "foxglove", packages=("mcap",)),
+}
 """By the name that `--to` takes."""
 
 
@@ -111,16 +89,14 @@ def write_scene(scene: ExportedScene, name: str, *, form: str | None = None) -> 
         raise InputError(f"{name} has no form {form[:40]!r}; it has: {', '.join(chosen.forms)}")
     require_extra("exports", name, *chosen.packages)
     more = {"form": form} if len(chosen.forms) > 1 else {}
-    files: dict[str, bytes] = chosen.load(chosen.writer)(scene, **more)
+    files: dict[str, bytes] = chosen.load("write")(scene, **more)
     return files
 
 
 def write_index(scenes: Sequence[ExportedScene], name: str) -> dict[str, bytes]:
     """The files that belong to a folder of scenes in a format; most formats have none."""
     chosen = find_format(name)
-    if chosen.index is None:
-        return {}
-    files: dict[str, bytes] = chosen.load(chosen.index)(scenes)
+    files: dict[str, bytes] = chosen.load("write_index")(scenes) if chosen.index else {}
     return files
 
 
@@ -131,7 +107,7 @@ def find_reader(name: str, data: bytes = b"") -> Format | None:
         data: the content, which tells formats apart whose names end alike.
     """
     file = PurePath(name).name.lower()
-    found = [each for each in FORMATS.values() if each.reader and re.search(f"{each.files}$", file)]
+    found = [each for each in FORMATS.values() if each.files and re.search(f"{each.files}$", file)]
     return found[-1] if b"<commonRoad" in data[:100_000] else next(iter(found), None)
 
 
@@ -142,13 +118,13 @@ def read_scenarios(data: bytes, *, name: str, **options: Any) -> list[SampledRec
         InputError: no known kind of file, or nothing in it that can be read.
     """
     chosen = find_reader(name, data)
-    if chosen is None or chosen.reader is None:
+    if chosen is None:
         raise InputError(
             f"{name} is of no kind that can be read; tracks are read from .csv, .ndjson and the "
             "files of simulators and data sets (docs/formats.md)"
         )
     require_extra("exports", f"reading {name}", *chosen.packages)
-    recordings: list[SampledRecording] = chosen.load(chosen.reader)(data, name=name, **options)
+    recordings: list[SampledRecording] = chosen.load("read")(data, name=name, **options)
     if not any(each.agents for each in recordings):
         raise InputError(f"{name} holds no tracks of road users")
     return recordings

@@ -46,12 +46,12 @@ _HARMLESS: dict[tuple[str, str], Any] = {
 }
 
 
-def write_scenarionet(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """The scene as one pickle of dictionaries, arrays and plain values."""
     return {_build_file_name(scene): pickle.dumps(_describe(scene), protocol=PROTOCOL)}
 
 
-def write_summaries(scenes: Sequence[ExportedScene]) -> dict[str, bytes]:
+def write_index(scenes: Sequence[ExportedScene]) -> dict[str, bytes]:
     """What makes a folder of pickles a ScenarioNet database: summary and mapping by file."""
     summary = {_build_file_name(scene): _describe(scene)["metadata"] for scene in scenes}
     mapping = dict.fromkeys(summary, "")
@@ -210,7 +210,7 @@ class _ArraysOnly(pickle.Unpickler):
         return _HARMLESS[module, name]
 
 
-def read_scenarionet(data: bytes, *, name: str) -> list[SampledRecording]:
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
     """The tracks of one scenario; steps at which an agent is not valid are gaps.
 
     Raises:

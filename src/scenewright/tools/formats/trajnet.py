@@ -31,7 +31,7 @@ Predictions = Literal["refuse", "leave out", "first as tracks"]
 predictions, numbered from 0, beside or in place of what was observed."""
 
 
-def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """Frames are steps of 0.1 s from the start of the scene, so that every fourth has samples.
 
     Raises:
@@ -67,12 +67,10 @@ def _list_scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, An
             number += 1
 
 
-def read_trajnet(
-    data: bytes, *, name: str, predictions: Predictions = "refuse"
-) -> list[SampledRecording]:
+def read(data: bytes, *, name: str, predictions: Predictions = "refuse") -> list[SampledRecording]:
     """Pedestrians from lines {"scene": {…, fps}} and {"track": {f, p, x, y}}.
 
-    A track with a key `class`, as `write_trajnet` writes it, is of that class.
+    A track with a key `class`, as `write` writes it, is of that class.
     The scenes only say how fast the clock runs (2.5 frames/s unless they do): all tracks are taken
     for one recording. Frames keep the numbers of the video, so that the commonest step from frame
     to frame is one sample: t = f / (step in frames x fps).

@@ -73,7 +73,7 @@ _NOTHING = -1
 """Value of everything that is not there."""
 
 
-def write_womd(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
+def write(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
     """One record: the 9.1 s of the dataset around the event, or the whole scene.
 
     Args:
@@ -168,7 +168,7 @@ def load_scenario_class() -> Any:
     return build_messages(PACKAGE, SCHEMA)["Scenario"]
 
 
-def read_womd(data: bytes, *, name: str) -> list[SampledRecording]:
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
     """The scenarios of a file of Scenario or tf.Example records.
 
     Raises:

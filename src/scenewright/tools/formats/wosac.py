@@ -35,7 +35,7 @@ def load_messages() -> dict[str, Any]:
     return build_messages(PACKAGE, _SCHEMA)
 
 
-def write_joint_scene(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """The 8 s after the eleventh step of a scene, of every agent and object that is there then.
 
     An agent whose track ends before goes on along its route, and stands at the end of the map.
@@ -44,7 +44,7 @@ def write_joint_scene(scene: ExportedScene) -> dict[str, bytes]:
     return {f"{scene.name}.joint_scene.binproto": joint.SerializeToString(deterministic=True)}
 
 
-def write_submission(scenes: Sequence[ExportedScene]) -> dict[str, bytes]:
+def write_index(scenes: Sequence[ExportedScene]) -> dict[str, bytes]:
     """One submission of all scenes; those alike until the eleventh step are of one scenario.
 
     There is none where no two scenes are alike.
