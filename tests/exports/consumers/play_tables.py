@@ -136,10 +136,14 @@ def read_foxglove(file: Path) -> Iterator[Sample]:
     import jsonschema
     from mcap.reader import make_reader
 
+    held: dict[int, Any] = {}
     with file.open("rb") as stream:
         for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            if schema.id not in held:
+                definition = json.loads(schema.data)
+                held[schema.id] = jsonschema.validators.validator_for(definition)(definition)
             body = json.loads(message.data)
-            jsonschema.validate(body, json.loads(schema.data))
+            held[schema.id].validate(body)
             for entity in body["entities"] if channel.topic == "/agents" else ():
                 (cube,) = entity["cubes"]
                 place, turn = cube["pose"]["position"], cube["pose"]["orientation"]
