@@ -58,7 +58,7 @@ crosscheck: $(PEERS)/.installed
 # Scenes in the simulators and readers of others, whose own tests must find our collisions and
 # nothing else; not part of check. About 4 GB more, and a quarter of an hour for 200 scenes.
 exports: $(CONSUMERS)/.installed
-	SCENEWRIGHT_EXPORT_SCENES=$(SCENES) $(BIN)/pytest -s tests/exports
+	SCENEWRIGHT_EXPORTS=$(abspath $(CONSUMERS)) SCENEWRIGHT_EXPORT_SCENES=$(SCENES) $(BIN)/pytest -s tests/exports
 
 # Damaged input of every kind into everything that reads; CI's nightly part. An hour or two.
 fuzz: $(TOOLS)
@@ -124,10 +124,10 @@ $(PEERS)/.installed: $(TOOLS) $(wildcard $(PINS)/*.txt)
 
 $(CONSUMERS)/.installed: $(TOOLS) $(wildcard tests/exports/environments/*.txt)
 	@echo 'Installing simulators and readers into $(CONSUMERS), about 4 GB ...'
-	set -e; for name in commonroad metadrive omega-prime av2 scenario-gym; do \
+	set -e; for name in commonroad metadrive omega-prime av2 scenario-gym readers; do \
 		pins=tests/exports/environments/$$name.txt; test -e $$pins || pins=$(PINS)/$$name.txt; \
 		test -x $(CONSUMERS)/$$name/bin/python || $(BIN)/python -m venv $(CONSUMERS)/$$name; \
-		$(CONSUMERS)/$$name/bin/python -m pip install -qq --disable-pip-version-check -r $$pins; \
+		$(CONSUMERS)/$$name/bin/python -m pip install -qq --disable-pip-version-check --no-deps -r $$pins; \
 	done
 	touch $@
 

@@ -164,7 +164,7 @@ def list_records() -> tuple[Json, ...]:
 @cache
 def list_track_files() -> tuple[tuple[str, bytes], ...]:
     """Name and bytes of the first scene in every format that we write."""
-    from scenewright.tools.exporters.registry import FORMATS
+    from scenewright.tools.formats.registry import FORMATS
 
     found = []
     with tempfile.TemporaryDirectory() as folder:
@@ -223,10 +223,10 @@ def read_scene(rng: random.Random, folder: Path) -> None:
 
 def read_track_file(rng: random.Random, _folder: Path) -> None:
     """The readers of foreign tracks on a damaged file."""
-    from scenewright.tools.track_io.external_tracks import read_tracks
+    from scenewright.tools.track_io.external_tracks import read_external_recordings
 
     name, data = rng.choice(list_track_files())
-    read_tracks(damage_bytes(data, rng), name=name)
+    read_external_recordings(damage_bytes(data, rng), name=name)
 
 
 def read_map(rng: random.Random, folder: Path) -> None:
@@ -300,7 +300,7 @@ def use_bundle(rng: random.Random, folder: Path) -> None:
 
 def write_export(rng: random.Random, folder: Path) -> None:
     """An exporter on a damaged scene.json."""
-    from scenewright.tools.exporters.registry import FORMATS
+    from scenewright.tools.formats.registry import FORMATS
 
     file = folder / "scene.json"
     file.write_text(json.dumps(damage_json(rng.choice(list_records()), rng)))

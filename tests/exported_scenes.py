@@ -10,7 +10,7 @@ import numpy as np
 
 from scenewright.intersections import load_map
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.exporters import ExportedScene, prepare_scene
+from scenewright.tools.formats import ExportedScene, prepare_scene
 
 NASTY = """A <b>car</b> & "friends" ]]> hits 'him' <!ENTITY x SYSTEM "file:///etc/passwd">"""
 CONTACT = 4.0

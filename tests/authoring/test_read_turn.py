@@ -13,7 +13,7 @@ import pytest
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene, load_tracks, verify
 from scenewright.scene.record import AgentRecord, SceneMeta, SceneRecord
-from scenewright.tools.track_io import external_tracks
+from scenewright.tools.formats import sample_table
 
 
 def record() -> SceneRecord:
@@ -47,7 +47,7 @@ def test_pipes_and_devices_are_not_read(
 def test_no_more_is_read_than_can_be_checked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, load: Callable[[Path], Any], name: str
 ) -> None:
-    monkeypatch.setattr(external_tracks, "MOST_BYTES", 1000)
+    monkeypatch.setattr(sample_table, "MOST_BYTES", 1000)
     (tmp_path / name).write_bytes(b"t,id,class,x,y\n" + b" " * 2000)
     with pytest.raises(InputError, match="at most"):
         load(tmp_path / name)

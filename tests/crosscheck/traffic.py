@@ -18,7 +18,7 @@ from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import synthesize
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, read_users
-from scenewright.tools.track_io.external_tracks import read_csv
+from scenewright.tools.track_io.external_tracks import read_tracks
 
 CAR, TRUCK = get_vehicle_shape("car"), get_vehicle_shape("truck")
 INSTRUCTIONS = Path(__file__).parents[2] / "examples" / "instructions.txt"
@@ -179,7 +179,7 @@ def recorded(most: int = 12) -> tuple[Scene, ...]:
     files = sorted(Path(folder).rglob("vehicle_tracks_*.csv")) if folder else []
     scenes = []
     for file in files[:most]:
-        users = read_csv(_as_csv(file), name=file.name).users[:40]
+        users = read_tracks(_as_csv(file).encode(), name=f"{file.name}.csv").users[:40]
         scenes.append(Scene(file.name, users, frozenset(u.id for u in users)))
     return tuple(scenes)
 

@@ -291,6 +291,58 @@ def test_comfort_of_even_braking() -> None:
     assert comfort.is_comfortable
 
 
+def test_comfort_of_a_motion_that_is_known() -> None:
+    t = np.arange(0.0, 4.0, 0.1)
+    straight = np.column_stack([0 * t, 0 * t, 0 * t, 5 + 0.5 * t + 0.4 * t**2])
+    comfort = measure_comfort(straight, 0.1)
+    # d/dt (0.5 + 0.8 t), and at the ends half a step that nuPlan's eight samples shift
+    assert comfort.jerk_along == comfort.jerk == pytest.approx(0.8, abs=0.11)
+    turning = np.column_stack([0 * t, 0 * t, 0.1 * t + 0.05 * t**2, 0 * t + 8.0])
+    comfort = measure_comfort(turning, 0.1)
+    assert comfort.yaw_rate == pytest.approx(0.1 + 0.1 * 3.9)
+    assert comfort.yaw_acceleration == pytest.approx(0.1)
+    assert comfort.lateral == pytest.approx(8.0 * 0.49)
+    assert comfort.jerk == pytest.approx(0.8, abs=0.11)
+    # One sample that is 0.2 m/s too fast has a jerk of 20 m/s^3; nuPlan's 1.5 s smooth it away.
+    turning[:, 2], turning[20, 3] = 0.0, 8.2
+    assert measure_comfort(turning, 0.1).is_comfortable
+
+
+def _drive_beside(
+    ego: np.ndarray, *others: tuple[np.ndarray, float], heading: float = math.pi / 2
+) -> dict[str, Any]:
+    """The report of a scene in which all drive as they are recorded."""
+    plain = make_record().to_json()
+    plain["agents"] = [make_agent(1, "vehicle-1", 0.0, ego, heading)] + [
+        make_agent(k, f"vehicle-{k}", 0.0, xy, turned, role="background")
+        for k, (xy, turned) in enumerate(others, start=2)
+    ]
+    plain["events"] = []
+    record = SceneRecord.model_validate(plain)
+    scenario = build_scenario(record, load_map("amsterdam_120"), ego="vehicle-1")
+    return report_drive(run_drive(scenario, ReplayPolicy())).to_json()
+
+
+@pytest.mark.parametrize(("speed", "score"), [(1.9, 1.0), (2.1, 0.5), (5.9, 0.5), (6.1, 0.0)])
+def test_a_way_against_the_traffic_counts_by_its_length_within_a_second(
+    speed: float, score: float
+) -> None:
+    told = _drive_beside(make_line((4.95, -20.0), (0.0, -speed), 4.0), heading=-math.pi / 2)
+    assert told["nuplan"]["driving_direction_compliance"] == score
+    assert told["epdms"]["DDC"] == score
+
+
+@pytest.mark.parametrize(("contact", "within"), [(-35.0, 1.0), (0.0, 0.0)])
+def test_who_comes_from_the_side_counts_for_the_ttc_in_a_junction(
+    contact: float, within: float
+) -> None:
+    ego = make_line((4.95, contact - 10.0), (0.0, 10.0), 1.5)
+    other = make_line((4.95 + 17.0, contact), (-17.0, 0.0), 1.5)  # 60 degrees off the way ahead
+    told = _drive_beside(ego, (other, math.pi))
+    assert told["end"] == "collision"
+    assert told["nuplan"]["time_to_collision_within_bound"] == within
+
+
 def test_a_drive_is_saved_as_a_scene_that_can_be_verified(strike: Scenario, tmp_path: Path) -> None:
     report = report_drive(run_drive(strike, ReplayPolicy(), name="replay"))
     save_drive(report, tmp_path / "driven", picture=False, recording=False)

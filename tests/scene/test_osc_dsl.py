@@ -11,7 +11,7 @@ from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.graph.run import plan_instruction, synthesize
 from scenewright.scene.plan_file import LogicalPlan, read_logical_plan, read_plan
-from scenewright.tools.exporters import prepare_scene, write_scene
+from scenewright.tools.formats import prepare_scene, write_scene
 
 EXAMPLES = (
     (Path(__file__).parents[2] / "examples" / "instructions.txt").read_text("utf-8").splitlines()

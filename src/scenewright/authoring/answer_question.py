@@ -300,7 +300,7 @@ def _explain_what_if(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
 
 def list_formats() -> list[str]:
     """What a scene can be written as."""
-    from scenewright.tools.exporters import FORMATS
+    from scenewright.tools.formats import FORMATS
 
     names = ", ".join(sorted(FORMATS))
     return [

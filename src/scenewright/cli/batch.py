@@ -134,7 +134,7 @@ def make_batch(
     from scenewright.dataset.batch.manifest import EXPORTS, list_scenes
     from scenewright.dataset.batch.run import Request, parse_shard, predict_run, run_batch
     from scenewright.graph.export import export
-    from scenewright.tools.exporters import find_format
+    from scenewright.tools.formats import find_format
 
     request = Request(
         source=Path(rows),

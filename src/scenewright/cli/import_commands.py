@@ -72,8 +72,8 @@ def export_map(
 ) -> None:
     """Write an intersection's map as OpenDRIVE or Lanelet2, by the ending of FILE."""
     from scenewright.intersections import find_bundle_folder, load_map, read_bundle_header
-    from scenewright.tools.exporters.lanelet2 import write_lanelet2
-    from scenewright.tools.exporters.opendrive import write_opendrive
+    from scenewright.tools.formats.lanelet2 import write_lanelet2
+    from scenewright.tools.formats.opendrive import write_opendrive
 
     place = load_map(name)
     match Path(out).suffix.lower():

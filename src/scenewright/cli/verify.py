@@ -124,7 +124,7 @@ def _list_unchecked(path: Path) -> tuple[str, ...]:
 
 def _has_tracks(path: Path) -> bool:
     """Whether a file of that name holds tracks."""
-    from scenewright.tools.track_io.simulator_files import DATABASE_FILES, find_reader
+    from scenewright.tools.formats.registry import DATABASE_FILES, find_reader
 
     named = path.suffix.lower() in TRACKS or find_reader(path.name) is not None
     return named and path.name not in DATABASE_FILES

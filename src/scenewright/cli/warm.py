@@ -55,7 +55,7 @@ def compile_last_stages(compiled: Any) -> None:
 
     from scenewright.compiled import watch_compiling
     from scenewright.graph.run import DEFAULT_INTERSECTION, examine_tracks
-    from scenewright.tools.track_io.external_tracks import read_csv
+    from scenewright.tools.track_io.external_tracks import read_tracks
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 
@@ -76,7 +76,7 @@ def compile_last_stages(compiled: Any) -> None:
             known[:, :9] = 0.0
             waypoints, both = Waypoints(np.zeros((2, 1, 2)), goals), np.array([0, 1])
             run_rollout(refiner.net, known, classes=both, waypoints=waypoints, keep=2, lead=3)
-        tracks = read_csv("\n".join(["t,id,class,x,y", *rows]), name="warm")
+        tracks = read_tracks("\n".join(["t,id,class,x,y", *rows]).encode(), name="warm.csv")
         examine_tracks(tracks, intersection=DEFAULT_INTERSECTION)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenewright.driving.driven_scene import DrivenScene, build_driven_scene
 from scenewright.driving.resolve import Resolve
-from scenewright.driving.scenario import COLOURS, KINDS, Scenario
+from scenewright.driving.scenario import COLOURS, KINDS, BoolArray, Scenario
 from scenewright.driving.scores import (
     LANE_OFFSET,
     ScoreInputs,
@@ -39,6 +39,12 @@ EXPOSED_PET = 1.5
 """So does a PET below this [s]."""
 STANDING = 0.05
 """nuPlan: slower than this [m/s] an agent is stopped."""
+CRAWLING = 0.005
+"""nuPlan: a slower ego [m/s] has no TTC."""
+AHEAD, BESIDE = np.deg2rad([30.0, 150.0])
+"""nuPlan: off the way ahead within which an agent counts for the TTC [rad]."""
+REAR_AXLE = 0.3
+"""From there these are seen: so far behind the middle, as a share of the length."""
 APPROACH = 5.0
 """Before an impact, over which the approach speed is looked for [s]."""
 FAR = 60.0
@@ -267,7 +273,7 @@ def _gather(
         off_road=_measure_off_road(one, points),
         against_flow=_measure_against_flow(one, points),
         red_lights=red,
-        ttc=_find_ttc_ahead(ego, near),
+        ttc=_find_ttc(world, ego, near),
         progress=world.history[-1].progress - world.history[0].progress,
         reference=float(lawful[min(world.step, len(lawful) - 1)] - lawful[one.start]),
         overspeed=float(np.maximum(points[:, 3] - one.speed_limit, 0.0).sum() * one.step),
@@ -334,18 +340,41 @@ def _measure_against_flow(one: Scenario, points: FloatArray) -> float:
     return float(np.convolve(way, np.ones(window), mode="same").max())
 
 
-def _find_ttc_ahead(ego: Trajectory, near: dict[int, Trajectory]) -> float:
-    """Least 2-D TTC with agents in front of the ego's centre while it moves [s]."""
+def _find_ttc(world: World, ego: Trajectory, near: dict[int, Trajectory]) -> float:
+    """Least 2-D TTC of the moving ego with agents ahead, in a junction also beside it [s].
+
+    nuPlan's sectors: agents count within 30 degrees of the way ahead of the rear axle, and within
+    150 where the ego is in a junction or off its lane, or no map says where it is.
+    """
+    one, points = world.scenario, list_ego_points(world.history)
+    ahead = np.stack([np.cos(points[:, 2]), np.sin(points[:, 2])], axis=1)
+    axle = points[:, :2] - one.sizes[one.ego, 0] * REAR_AXLE * ahead
+    wide = np.array([abs(each.offset) > LANE_OFFSET for each in world.history])
+    widest = np.where(wide | _find_in_junction(one, axle), BESIDE, AHEAD)
     least = np.inf
     for track in near.values():
         times = find_common_times(ego, track)
-        xy, heading = ego.at(times)
-        delta = track.at(times)[0] - xy
-        ahead = delta[:, 0] * np.cos(heading) + delta[:, 1] * np.sin(heading) > 0
-        chosen = times[ahead & (ego.speed[ego.find_indices(times)] > STANDING)]
+        k = ego.find_indices(times)
+        delta = track.at(times)[0] - axle[k]
+        cosine = (delta * ahead[k]).sum(axis=1) / np.maximum(np.hypot(*delta.T), 1e-9)
+        chosen = times[(cosine > np.cos(widest[k])) & (ego.speed[k] > CRAWLING)]
         if len(chosen):
             least = min(least, float(compute_ttc_2d(ego, track, times=chosen, horizon=1.0).min()))
     return least
+
+
+def _find_in_junction(one: Scenario, xy: FloatArray) -> BoolArray:
+    """[n] whether points lie on lanes inside the junction; without a map all may."""
+    if one.intersection_map is None:
+        return np.ones(len(xy), dtype=np.bool_)
+    import shapely
+
+    geos: Any = shapely
+    inside = geos.union_all([
+        geos.Polygon((*lane.left, *reversed(lane.right))).buffer(0)
+        for lane in one.intersection_map.lanelets if lane.kind == "connector"
+    ])  # fmt: skip
+    return np.asarray(geos.contains_xy(inside, xy))
 
 
 def _find_longest_off_lane(world: World) -> float:

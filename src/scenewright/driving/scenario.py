@@ -16,8 +16,8 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.exporters import ExportedScene, prepare_scene
-from scenewright.tools.exporters.exported_scene import ExportedAgent
+from scenewright.tools.formats import ExportedScene, prepare_scene
+from scenewright.tools.formats.exported_scene import ExportedAgent
 from scenewright.tools.relation_checker import RoadUser
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 

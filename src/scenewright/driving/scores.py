@@ -33,7 +33,8 @@ class Comfort:
 
     Attributes:
         acceleration, braking: along the way [m/s^2]; lateral: [m/s^2]; yaw_rate: [rad/s];
-        yaw_acceleration: [rad/s^2]; jerk_along: [m/s^3]; jerk: its magnitude [m/s^3].
+        yaw_acceleration: [rad/s^2]; jerk_along: [m/s^3]; jerk: change of the acceleration's
+            magnitude, as nuPlan's code has it [m/s^3].
     """
 
     acceleration: float
@@ -64,29 +65,33 @@ def measure_comfort(points: FloatArray, step: float) -> Comfort:
     Args:
         points: [n, 4] x, y, heading, speed at every step; step: [s].
     """
-    if len(points) < 4:
+    if len(points) < 5:
         return Comfort(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    speed, heading = _smooth(points[:, 3]), _smooth(np.unwrap(points[:, 2]))
-    along = np.gradient(speed, step)
-    yaw = np.gradient(heading, step)
-    across = speed * yaw
-    jerk_along = np.gradient(along, step)
-    jerk = np.hypot(jerk_along, np.gradient(across, step))
+    heading = np.unwrap(points[:, 2])
+    yaw = _fit(heading, 5, step, derivative=1)
+    along = np.gradient(points[:, 3], step, edge_order=2)
+    across = points[:, 3] * yaw
+    size = np.hypot(along, across)
+    along, across, size = (_fit(each, 8, step) for each in (along, across, size))
+    jerk_along, jerk = (_fit(each, 15, step, derivative=1) for each in (along, size))
+    yaw_acceleration = _fit(heading, 5, step, degree=3, derivative=2)
     return Comfort(
         float(along.max()), float(-along.min()), float(np.abs(across).max()),
-        float(np.abs(yaw).max()), float(np.abs(np.gradient(yaw, step)).max()),
-        float(np.abs(jerk_along).max()), float(jerk.max()),
+        float(np.abs(yaw).max()), float(np.abs(yaw_acceleration).max()),
+        float(np.abs(jerk_along).max()), float(np.abs(jerk).max()),
     )  # fmt: skip
 
 
-def _smooth(values: FloatArray) -> FloatArray:
-    """A quadratic fitted over 0.7 s: nuPlan too smooths before it differentiates."""
+def _fit(
+    values: FloatArray, window: int, step: float, *, degree: int = 2, derivative: int = 0
+) -> FloatArray:
+    """Polynomials fitted over a window of samples, or their derivative: nuPlan's filters."""
     from scipy import signal
 
     filters: Any = signal
 
-    window = min(7, len(values) - (1 - len(values) % 2))
-    return np.asarray(filters.savgol_filter(values, window, min(2, window - 1)))
+    window = min(window, len(values))
+    return np.asarray(filters.savgol_filter(values, window, degree, deriv=derivative, delta=step))
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,7 @@ class ScoreInputs:
         at_fault: collisions at fault with road users; at_fault_objects: with objects.
         off_road: largest distance of a corner outside of the drivable area [m].
         against_flow: longest way against the traffic within 1 s [m].
-        red_lights: run; ttc: least 2-D time to collision with agents ahead [s].
+        red_lights: run; ttc: least 2-D time to collision with agents that count for it [s].
         progress, reference: way of the ego, and of the recorded one by then [m].
         overspeed: speed above the limit, integrated [m]; duration: [s].
         off_lane: longest time more than 0.5 m off the route's centre [s].

@@ -15,14 +15,14 @@ from scenewright.graph.run import Scene, load_scene
 from scenewright.intersections import load_map
 from scenewright.scene.plan_file import read_logical_plan
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.exporters import (
+from scenewright.tools.formats import (
     ExportedScene,
     find_format,
     prepare_scene,
     write_index,
     write_scene,
 )
-from scenewright.tools.exporters.openscenario_ranges import write_ranges
+from scenewright.tools.formats.openscenario_ranges import write_ranges
 
 Exportable = Scene | SceneRecord | str | Path
 
@@ -41,7 +41,7 @@ def export(
 
     Args:
         scenes: a scene, a record, a scene.json or a folder that holds one; or a sequence of these.
-        to: name of the format, a key of `scenewright.tools.exporters.FORMATS`.
+        to: name of the format, a key of `scenewright.tools.formats.FORMATS`.
         out: folder to write into; files of the same names in it are replaced.
         form: of the formats with several forms; None is the usual one.
         ego: agent that a format is centred on, such as `vehicle-1`; formats in which agents have

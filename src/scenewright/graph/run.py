@@ -418,7 +418,7 @@ def _read_content(file: Path) -> bytes:
     Raises:
         InputError: missing, unreadable, too large or no file.
     """
-    from scenewright.tools.track_io.external_tracks import MOST_BYTES, describe_too_large
+    from scenewright.tools.formats.sample_table import MOST_BYTES, describe_too_large
 
     try:
         mode, size = file.stat().st_mode, file.stat().st_size

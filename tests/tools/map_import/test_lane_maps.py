@@ -8,10 +8,10 @@ import pytest
 import map_files
 from scenewright.cli.import_commands import export_map
 from scenewright.errors import InputError
-from scenewright.tools.exporters.lanelet2 import write_lanelet2
+from scenewright.tools.formats.lanelet2 import write_lanelet2
+from scenewright.tools.formats.womd import load_scenario_class, write_records
 from scenewright.tools.map_import import import_map, list_junctions
 from scenewright.tools.map_import.read_lanelet2 import FileLanelet, LaneletFile, load_lanelet2
-from scenewright.tools.track_io.womd import load_scenario_class, write_records
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,8 @@
 """Files of published data sets, written as those write them, are read by name."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -81,3 +84,29 @@ def test_a_format_that_is_not_known_or_does_not_fit_is_refused(tmp_path):
         read_track_files([file], named="highd")
     with pytest.raises(InputError, match=r"no file of sind: they are called Veh_"):
         read_track_files([file], named="sind")
+
+
+def test_tables_of_others_pass_the_checks_of_our_own(tmp_path: Path) -> None:
+    columns = {"t": "ms/1000", "id": "who", "class": "kind", "x": "East", "y": "North"}
+    rows = [f"{100 * k};7;{'Car' if k else 'Bus'};{k},5;0" for k in range(30)]
+    file = tmp_path / "own.csv"
+    file.write_text("\n\nms;who;kind;East;North\n" + "\n".join(rows))
+    [found] = read_track_files([file], columns=columns)
+    [(subtype, track)] = found.tracks  # a tracker changes its mind; the first class stays
+    assert subtype == "bus"
+    assert track.xy[10, 0] == pytest.approx(10.5, abs=0.01)
+    for row, reason in (("3000;7;Car;1", "line 34: 4 cells"), ("3000;;Car;1;0", "line 34: no id"),
+                        ("3000;7;Car;1e300;0", "line 34: x = 1e")):  # fmt: skip
+        file.write_text("\n\nms;who;kind;East;North\n" + "\n".join([*rows, row]))
+        with pytest.raises(InputError, match=reason):
+            read_track_files([file], columns=columns)
+
+
+def test_predictions_are_left_out_of_what_is_fitted(tmp_path: Path) -> None:
+    rows = [{"track": {"f": 10 * k, "p": 1, "x": 0.5 * k, "y": 0.0}} for k in range(30)]
+    rows += [{"track": {"f": 300, "p": 1, "x": 99.0, "y": 9.0, "prediction_number": 0}}]
+    file = tmp_path / "w.ndjson"
+    file.write_text("\n".join(json.dumps(row) for row in rows))
+    [found] = read_track_files([file])
+    [(_, track)] = found.tracks
+    assert track.xy[:, 0].max() < 15.0

@@ -26,9 +26,9 @@ from scenewright.errors import InputError
 from scenewright.graph.run import load_tracks, verify_tracks
 from scenewright.scene.events import Event
 from scenewright.scene.track import VEHICLE_SIZES
+from scenewright.tools.formats import sample_table
 from scenewright.tools.relation_checker import RoadUser, external_events, find_events
 from scenewright.tools.relation_checker.external_events import examine_recording, find_off_map
-from scenewright.tools.track_io import external_tracks
 from scenewright.tools.track_io.external_tracks import (
     ExternalTracks,
     compute_headings,
@@ -490,7 +490,7 @@ def test_bad_lines_in_their_context_are_refused() -> None:
 def test_large_files_are_refused_unread(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     file = tmp_path / "large.csv"
     with file.open("wb") as large:
-        large.truncate(external_tracks.MOST_BYTES + 1)
+        large.truncate(sample_table.MOST_BYTES + 1)
     monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("it was read"))
     with pytest.raises(InputError, match="200 MB; at most 200"):
         load_tracks(file)

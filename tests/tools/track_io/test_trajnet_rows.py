@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import pytest
 
-from scenewright.tools.track_io.trajnet_rows import Predictions, iterate_trajnet_rows
+from scenewright.tools.formats.trajnet import Predictions, iterate_trajnet_rows
 
 SCENE = {"scene": {"id": 1}}
 ROWS = [{"track": {"f": n} | ({} if n is None else {"prediction_number": n})} for n in (None, 0, 1)]

@@ -9,7 +9,7 @@ import pytest
 
 from checker_tracks import EAST, NORTH, crossing_walker, distance, line, yielding_car
 from scenewright.tools.relation_checker import RoadUser
-from scenewright.tools.track_io.external_tracks import read_csv
+from scenewright.tools.track_io.external_tracks import read_tracks
 
 Row = tuple[float, int, str, float, float, float]
 """Time, id, class, x, y, heading."""
@@ -29,7 +29,7 @@ def notes(users: list[RoadUser], change: Callable[[Row], Row], *, headed: bool =
         f"{t:.4f},{n},{kind},{x:.9f},{y:.9f}" + f",{h:.5f}" * headed
         for t, n, kind, x, y, h in map(change, rows(*users))
     ]
-    return " ".join(read_csv("\n".join((columns, *lines)), name="t.csv").notes)
+    return " ".join(read_tracks("\n".join((columns, *lines)).encode(), name="t.csv").notes)
 
 
 GIVING = [yielding_car(), crossing_walker()]

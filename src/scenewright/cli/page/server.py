@@ -139,7 +139,7 @@ class Page:
 
     def describe_start(self, _request: Request) -> Response:
         """Intersections, words, formats, conversations, backend, what is missing to import maps."""
-        from scenewright.tools.exporters import FORMATS
+        from scenewright.tools.formats import FORMATS
         from scenewright.tools.map_import.check_file import SUMO
 
         return JSONResponse(

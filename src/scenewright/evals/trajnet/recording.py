@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
+from scenewright.tools.formats.trajnet import iterate_trajnet_rows
 
 OBSERVED, PREDICTED = 9, 12
 STEPS = OBSERVED + PREDICTED

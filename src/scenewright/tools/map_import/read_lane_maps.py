@@ -122,7 +122,7 @@ def _list_points(points: Sequence[Any]) -> FloatArray:
 def _read_womd(file: Path) -> _Found:
     from google.protobuf.message import DecodeError
 
-    from scenewright.tools.track_io.womd import load_scenario_class, read_example, read_records
+    from scenewright.tools.formats.womd import load_scenario_class, read_example, read_records
 
     record = next(iter(read_records(file.read_bytes(), name=str(file))), b"")
     if read_example(record) is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,13 +48,6 @@ def leave_out_passengers(users: Sequence[Named]) -> tuple[list[Named], dict[str,
                 walked = Track(track.xy[part], track.heading[part], start, track.step)
                 kept.append((name, replace(user, track=walked)))
     return kept, rides
-
-
-def describe_rides(rides: Mapping[str, str]) -> tuple[str, ...]:
-    """A note on passengers; none where there are none."""
-    words = [f"{name} in {vehicle}" for name, vehicle in rides.items()]
-    more = f" and {len(words) - 5} more" if len(words) > 5 else ""
-    return (f"passengers, left out: {', '.join(words[:5])}{more}",) if words else ()
 
 
 def _find_rides(track: Track, vehicle: RoadUser) -> Iterator[tuple[int, int]]:

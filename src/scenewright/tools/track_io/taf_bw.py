@@ -8,7 +8,6 @@ files are not used: those of k733_2020-09-15 are 0.57 of what its positions say.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,17 +17,15 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, get_vehicle_shape
+from scenewright.tools.formats.csv_tracks import read_columns
 from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
+from scenewright.tools.track_io.dataset_formats import TIMED
 from scenewright.tools.track_io.recording import RecordedAgent, Recording
 
 SMOOTHING = 0.3
 """Of positions [s]: that of the simulated corpus, so that both pass the same filter."""
-_CLASSES: dict[str, tuple[AgentClass, str | None, Shape]] = {
-    "Car": ("vehicle", "car", get_vehicle_shape("car")),
-    "Truck": ("vehicle", "truck", get_vehicle_shape("truck")),
-    "Bike": ("vehicle", "bicycle", Shape("vehicle", 1.8, 0.6)),
-    "Pedestrian": ("pedestrian", None, PEDESTRIAN),
-}
+_SHAPES = {each: get_vehicle_shape(each) for each in ("car", "truck")}
+_SHAPES |= {"bicycle": Shape("vehicle", 1.8, 0.6), "pedestrian": PEDESTRIAN}
 """Sizes are ours: the files hold defaults, too."""
 SETTLING: dict[str, dict[AgentClass, float]] = {
     "k729": {"vehicle": 3.0, "pedestrian": 1.5},
@@ -68,7 +65,9 @@ def read_taf_bw(folder: Path, *, smoothing: float = SMOOTHING) -> RealTracks:
         seen = list(_read_raw_tracks(file, site))
         taken = removed.setdefault(site, CleaningReport())
         agents = [
-            RecordedAgent(track, _CLASSES[word][2], _CLASSES[word][1], complete=False)
+            RecordedAgent(
+                track, _SHAPES[word], None if word == "pedestrian" else word, complete=False
+            )
             for word, each in seen
             for track in clean_track(each, smoothing=smoothing, removed=taken)
         ]
@@ -80,19 +79,16 @@ def read_taf_bw(folder: Path, *, smoothing: float = SMOOTHING) -> RealTracks:
 
 
 def _read_raw_tracks(file: Path, site: str) -> Iterator[tuple[str, RawTrack]]:
-    """Each track's class in the file and its samples, as they stand there."""
-    rows: dict[str, list[dict[str, str]]] = {}
+    """Each track's subtype and its samples, as they stand in the file."""
     try:
         with file.open(encoding="utf-8", newline="") as stream:
-            for row in csv.DictReader(stream):
-                rows.setdefault(row["track_id"], []).append(row)
-        for track in rows.values():
-            word = track[0]["agent_type"]
-            kind = _CLASSES[word][0]
-            time = np.array([int(row["timestamp_ms"]) / 1000 for row in track])
-            xy = np.array([(float(row["x"]), float(row["y"])) for row in track])
-            _, first = np.unique(np.rint(time / STEP), return_index=True)
-            settling = SETTLING.get(site.split("_", maxsplit=1)[0], SETTLING["k733"])[kind]
-            yield word, RawTrack(kind, time[first], xy[first], settling)
-    except (OSError, KeyError, TypeError, ValueError) as fault:
+            agents = read_columns(stream, name=str(file), columns=TIMED).agents
+    except (OSError, UnicodeDecodeError) as fault:
         raise InputError(f"{file} is no file of TAF-BW tracks: {fault!r}") from fault
+    for agent in agents:
+        if agent.subtype not in _SHAPES:
+            raise InputError(f"{file} is no file of TAF-BW tracks: it has a {agent.subtype}")
+        kind = _SHAPES[agent.subtype].type
+        _, first = np.unique(np.rint(agent.t / STEP), return_index=True)
+        settling = SETTLING.get(site.split("_", maxsplit=1)[0], SETTLING["k733"])[kind]
+        yield agent.subtype, RawTrack(kind, agent.t[first], agent.xy[first], settling)

@@ -11,16 +11,18 @@ import csv
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Track
+from scenewright.tools.formats.csv_tracks import read_columns
+from scenewright.tools.formats.registry import find_reader, read_scenarios
+from scenewright.tools.formats.sample_table import SampleTable
+from scenewright.tools.formats.sampled_recording import SUBTYPES, AgentSamples, find_subtype
 from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
 from scenewright.tools.track_io.dataset_formats import (
     PATTERNS,
@@ -30,11 +32,7 @@ from scenewright.tools.track_io.dataset_formats import (
     find_partner,
     get_format,
 )
-from scenewright.tools.track_io.decimals import SEPARATE, DecimalReader
-from scenewright.tools.track_io.sampled_recording import SUBTYPES, find_subtype
-from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.taf_bw import SETTLING
-from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3
@@ -46,16 +44,6 @@ _KNOWN = (
 """Names of the files of tracks in a folder."""
 _LONGEST_GAP = 0.6
 """Samples farther apart are a gap [s]; 2.5 Hz, the coarsest of the formats, is 0.4."""
-
-
-@dataclass(eq=False)
-class _Agent:
-    """One agent's samples as they come."""
-
-    subtype: str
-    t: list[float] = field(default_factory=list)
-    x: list[float] = field(default_factory=list)
-    y: list[float] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +89,8 @@ def read_track_files(
     Raises:
         InputError: nothing there, or a file that cannot be read; the line is named.
     """
+    if scale is not None and not 1e-4 < scale < 10.0:
+        raise InputError(f"a scale is metres per pixel, such as 0.06, got {scale:g}")
     dataset = None if named is None else get_format(named)
     patterns = _KNOWN if dataset is None else [glob for glob, _ in dataset.files]
     files: list[Path] = []
@@ -129,8 +119,9 @@ def _read(
     settling: Mapping[AgentClass, float] = {"vehicle": 0.0, "pedestrian": 0.0}
     begin: float | None = None
     origin: tuple[float, float] | None = None
+    agents: Sequence[AgentSamples]
     try:
-        if columns is None and find_reader(file.name) is not None:
+        if columns is None and file.suffix != ".csv" and find_reader(file.name) is not None:
             yield from _read_scenarios(file)
             return
         mapping = find_columns(file, dataset) if columns is None else columns
@@ -142,10 +133,10 @@ def _read(
             settling = SETTLING.get(site, SETTLING["k733"])
         elif file.name.endswith("_tracks.csv"):
             agents, begin, origin = _read_ind(file)
-        elif file.suffix in (".ndjson", ".txt"):
-            agents = (_read_trajnet if file.suffix == ".ndjson" else _read_vtp)(file)
+        elif file.suffix == ".txt":
+            agents = _read_vtp(file)
         elif file.suffix == ".csv":
-            agents = _read_mapped_csv(file, {name: name for name in ("t", "id", "class", "x", "y")})
+            agents = _read_mapped_csv(file, None)
         else:
             raise InputError(
                 f"{file} is of no kind that is known; name its --columns if it is a CSV"
@@ -156,7 +147,7 @@ def _read(
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
     agents = agents if columns is not None else _add_partner(agents, file, dataset)
     if scale is not None:
-        _convert_to_metres(agents, scale)
+        agents = [replace(each, xy=each.xy * [scale, -scale]) for each in agents]
     elif columns is None and file.suffix == ".txt":
         raise InputError(
             f"positions of {file} are pixels; say metres per pixel with --scale, or --pool-scale"
@@ -165,41 +156,31 @@ def _read(
 
 
 def _add_partner(
-    agents: dict[str, _Agent], file: Path, dataset: DatasetFormat | None
-) -> dict[str, _Agent]:
+    agents: Sequence[AgentSamples], file: Path, dataset: DatasetFormat | None
+) -> Sequence[AgentSamples]:
     """The agents of a file of vehicles, with those of the pedestrians' file beside it."""
     partner = find_partner(file)
     if partner is None:
         return agents
-    beside = _read_mapped_csv(partner, find_columns(partner, dataset) or TIMED)
-    return agents | {f"{partner.name}:{name}": agent for name, agent in beside.items()}
+    return [*agents, *_read_mapped_csv(partner, find_columns(partner, dataset) or TIMED)]
 
 
 def _read_scenarios(file: Path) -> Iterator[FileTracks]:
     """The scenarios of a file of a simulator or motion dataset; its clock is no time of day."""
-    for recording in read_simulator_file(file.read_bytes(), name=str(file)):
-        agents = {
-            agent.name: _Agent(agent.subtype, agent.t.tolist(), *agent.xy.T.tolist())
-            for agent in recording.agents
-        }
+    more = {"predictions": "leave out"} if file.suffix == ".ndjson" else {}
+    for recording in read_scenarios(file.read_bytes(), name=str(file), **more):
+        agents = [replace(each, t=each.t * recording.unit) for each in recording.agents]
         tracks = _clean(file, agents, {"vehicle": 0.0, "pedestrian": 0.0}, None, None)
         yield replace(tracks, name=f"{tracks.name}:{recording.name}".rstrip(":"))
-
-
-def _convert_to_metres(agents: Mapping[str, _Agent], scale: float) -> None:
-    if not 1e-4 < scale < 10.0:
-        raise InputError(f"a scale is metres per pixel, such as 0.06, got {scale:g}")
-    for agent in agents.values():
-        agent.x, agent.y = [scale * x for x in agent.x], [-scale * y for y in agent.y]
 
 
 _VTP_RATE = 30.0
 """Frames a second of VTP-TL; assumed, as its authors do not state it."""
 
 
-def _read_vtp(file: Path) -> dict[str, _Agent]:
+def _read_vtp(file: Path) -> Sequence[AgentSamples]:
     """VTP-TL: rows of frame, agent, x and y in pixels, and more that says nothing of motion."""
-    agents: dict[str, _Agent] = {}
+    table = SampleTable(str(file))
     with file.open(encoding="utf-8") as stream:
         for number, line in enumerate(stream, start=1):
             if not line.strip():
@@ -212,40 +193,36 @@ def _read_vtp(file: Path) -> dict[str, _Agent]:
                 raise InputError(
                     f"{file}, line {number}: expected frame, agent, x, y, got {line[:40].strip()!r}"
                 ) from None
-            agent = agents.setdefault(str(name), _Agent("car"))
-            agent.t.append(frame / _VTP_RATE)
-            agent.x.append(x)
-            agent.y.append(y)
-    return agents
+            table.add(number, str(name), "car", {"t": frame / _VTP_RATE, "x": x, "y": y})
+    return table.list_agents()
 
 
 def _clean(
     file: Path,
-    agents: Mapping[str, _Agent],
+    agents: Sequence[AgentSamples],
     settling: Mapping[AgentClass, float],
     begin: float | None,
     origin: tuple[float, float] | None,
 ) -> FileTracks:
     removed = CleaningReport()
     found: list[tuple[str, Track]] = []
-    for agent in agents.values():
+    for agent in agents:
         kind: AgentClass = "pedestrian" if agent.subtype == "pedestrian" else "vehicle"
         for time, xy in _resample(agent):
             seen = RawTrack(kind, time, xy, settling[kind])
             found += [
                 (agent.subtype, t) for t in clean_track(seen, smoothing=SMOOTHING, removed=removed)
             ]
-    times = [t for agent in agents.values() for t in (min(agent.t), max(agent.t))]
+    times = [t for agent in agents for t in (float(agent.t.min()), float(agent.t.max()))]
     span = max(times) - min(times) if times else 0.0
     first = None if begin is None or not times else begin
     return FileTracks(f"{file.parent.name}/{file.name}", tuple(found), removed, first, origin, span)
 
 
-def _resample(agent: _Agent) -> Iterator[tuple[FloatArray, FloatArray]]:
+def _resample(agent: AgentSamples) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Stretches without a gap, at multiples of 0.1 s; a second sample at one time is dropped."""
-    t = np.array(agent.t)
-    order = np.argsort(t, kind="stable")
-    t, xy = t[order], np.stack([np.array(agent.x), np.array(agent.y)], axis=1)[order]
+    order = np.argsort(agent.t, kind="stable")
+    t, xy = agent.t[order], agent.xy[order]
     kept = np.concatenate([[True], np.diff(t) > 1e-4])
     t, xy = t[kept], xy[kept]
     for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > _LONGEST_GAP) + 1):
@@ -260,87 +237,14 @@ def _resample(agent: _Agent) -> Iterator[tuple[FloatArray, FloatArray]]:
             yield grid, np.stack(even, axis=1)
 
 
-def _read_mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent]:
+def _read_mapped_csv(file: Path, columns: Mapping[str, str] | None) -> tuple[AgentSamples, ...]:
     """Rows of a CSV whose columns are named; `name/25` divides, `=word` is a constant."""
-    missing = {"t", "id", "x", "y"} - columns.keys()
-    if missing:
+    if columns is not None and (missing := {"t", "id", "x", "y"} - columns.keys()):
         raise InputError(
             f"--columns lacks {', '.join(sorted(missing))}: name t, id, class, x and y"
         )
-    agents: dict[str, _Agent] = {}
     with file.open(encoding="utf-8-sig", newline="") as stream:
-        head = stream.read(4096)
-        stream.seek(0)
-        comma = max(",;\t", key=head.split("\n")[0].count)
-        rows = csv.DictReader(stream, delimiter=comma)
-        wanted = {key: _get_column(text) for key, text in columns.items()}
-        have = set(rows.fieldnames or ())
-        lacking = sorted(
-            name for name, _ in wanted.values() if name[:1] != "=" and name not in have
-        )
-        if lacking:
-            raise InputError(f"{file} has no column {', '.join(lacking)[:120]}; there are: "
-                             f"{', '.join(map(str, rows.fieldnames or ()))[:200]}")  # fmt: skip
-        decimals = DecimalReader()
-        try:
-            for row in rows:
-                where = f"{file}, line {rows.line_num}"
-                if any(row.get(None, ())):
-                    raise InputError(f"{where}: more cells than columns; {SEPARATE}")
-                _add(agents, row, wanted, where, decimals)
-        except csv.Error as fault:
-            raise InputError(f"{file}, line {rows.line_num}: {fault}") from None
-    return agents
-
-
-def _get_column(text: str) -> tuple[str, float]:
-    """The column's name, or `=word`, and by what its values are divided."""
-    name, _, divisor = text.rpartition("/")
-    if text.startswith("=") or not name:
-        return text, 1.0
-    try:
-        value = float(divisor)
-    except ValueError:
-        return text, 1.0
-    if not (math.isfinite(value) and value != 0.0):
-        raise InputError(f"a column cannot be divided by {divisor[:20]!r}")
-    return name, value
-
-
-def _add(
-    agents: dict[str, _Agent],
-    row: Mapping[str, str | None],
-    wanted: Mapping[str, tuple[str, float]],
-    where: str,
-    decimals: DecimalReader,
-) -> None:
-    def get_cell(key: str) -> str:
-        name = wanted[key][0]
-        return name[1:] if name.startswith("=") else str(row[name] or "")
-
-    try:
-        t, x, y = (
-            decimals.parse(get_cell(key).strip()) / wanted[key][1] for key in ("t", "x", "y")
-        )
-    except ValueError:
-        raise InputError(f"{where}: t, x and y are numbers, got {get_cell('t')[:20]!r}, "
-                         f"{get_cell('x')[:20]!r}, {get_cell('y')[:20]!r}") from None  # fmt: skip
-    if not (math.isfinite(t) and math.isfinite(x) and math.isfinite(y)):
-        raise InputError(f"{where}: t, x and y are finite numbers")
-    word = get_cell("class") if "class" in wanted else "car"
-    _append(agents, get_cell("id"), word, t, x, y, where)
-
-
-def _append(
-    agents: dict[str, _Agent], name: str, word: str, t: float, x: float, y: float, where: str
-) -> None:
-    subtype = find_subtype(word)
-    if subtype is None:
-        raise InputError(f"{where}: class {word[:30]!r} is none of {', '.join(sorted(SUBTYPES))}")
-    agent = agents.setdefault(name, _Agent(subtype))
-    agent.t.append(t)
-    agent.x.append(x)
-    agent.y.append(y)
+        return read_columns(stream, name=str(file), columns=columns).agents
 
 
 def _read_taf_meta(file: Path) -> tuple[str, float | None, tuple[float, float] | None]:
@@ -358,7 +262,7 @@ def _read_taf_meta(file: Path) -> tuple[str, float | None, tuple[float, float] |
     return "", None, None
 
 
-def _read_ind(file: Path) -> tuple[dict[str, _Agent], float | None, None]:
+def _read_ind(file: Path) -> tuple[Sequence[AgentSamples], float | None, None]:
     """inD-style: `NN_tracks.csv` with `NN_tracksMeta.csv` and `NN_recordingMeta.csv` beside it."""
     stem = file.name.removesuffix("_tracks.csv")
     meta, about = (file.with_name(f"{stem}_{each}Meta.csv") for each in ("tracks", "recording"))
@@ -373,42 +277,13 @@ def _read_ind(file: Path) -> tuple[dict[str, _Agent], float | None, None]:
         raise InputError(f"{about} states no frameRate") from None
     with meta.open(encoding="utf-8-sig", newline="") as stream:
         words = {row["trackId"]: row["class"] for row in csv.DictReader(stream)}
-    agents: dict[str, _Agent] = {}
-    with file.open(encoding="utf-8-sig", newline="") as stream:
-        rows = csv.DictReader(stream)
-        for row in rows:
-            try:
-                values = (int(row["frame"]) / rate, float(row["xCenter"]), float(row["yCenter"]))
-                name = row["trackId"]
-            except (KeyError, TypeError, ValueError):
-                raise InputError(f"{file}, line {rows.line_num}: no inD-style row") from None
-            _append(agents, name, words.get(name, ""), *values, f"{file}, line {rows.line_num}")
+    columns = {"t": f"frame/{rate}", "id": "trackId", "x": "xCenter", "y": "yCenter"}
+    agents = []
+    for agent in _read_mapped_csv(file, columns):
+        subtype = find_subtype(words.get(agent.name, ""))
+        if subtype is None:
+            known = ", ".join(sorted(SUBTYPES))
+            raise InputError(f"{meta}: class {words.get(agent.name, '')[:30]!r} is none of {known}")
+        agents.append(replace(agent, subtype=subtype))
     hour = facts.get("startTime")
     return agents, None if hour in (None, "") else float(hour), None
-
-
-def _read_trajnet(file: Path) -> dict[str, _Agent]:
-    """TrajNet++ ndjson: pedestrians in frames; 2.5 a second unless a scene says otherwise."""
-    rows: list[tuple[int, str, float, float]] = []
-    fps, frames = 2.5, dict[str, set[int]]()
-
-    def refuse(line: int, reason: str) -> NoReturn:
-        raise InputError(f"{file}, line {line}: {reason}")
-
-    with file.open(encoding="utf-8") as stream:
-        for line, kind, own in iterate_trajnet_rows(stream, predictions="leave out", refuse=refuse):
-            try:
-                if kind == "scene":
-                    fps = float(own.get("fps", fps))
-                else:
-                    rows.append((int(own["f"]), str(own["p"]), float(own["x"]), float(own["y"])))
-            except (ValueError, KeyError, TypeError):
-                refuse(line, "no TrajNet++ row")
-    for frame, who, _, _ in rows:
-        frames.setdefault(who, set()).add(frame)
-    steps = (b - a for own in frames.values() for a, b in pairwise(sorted(own)))
-    rate = min(steps, default=1) * fps
-    agents: dict[str, _Agent] = {}
-    for frame, who, x, y in rows:
-        _append(agents, who, "pedestrian", frame / rate, x, y, str(file))
-    return agents

@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.lanes import find_light_places
-from scenewright.tools.exporters.mcap_writing import Topic, write_mcap
+from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.formats.lanes import find_light_places
+from scenewright.tools.formats.mcap_writing import Topic, write_mcap
 
 FRAME = "map"
 _SCHEMAS = {
@@ -42,7 +42,7 @@ _LINE_STRIP = 0
 _LINES = {"lane": (0.5, 0.5, 0.5), "crosswalk": (0.9, 0.9, 0.9)}
 
 
-def write_foxglove(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """Lanes on /map, boxes on /agents every 0.1 s, changes of /lights, a line per event."""
     messages = sorted(_list_messages(scene), key=lambda each: each[1])
     topics = {

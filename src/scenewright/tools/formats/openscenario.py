@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from scenewright.errors import InputError
 from scenewright.geometry.kinematics import differentiate
 from scenewright.geometry.polyline import (
     measure_arc_lengths,
@@ -25,9 +26,17 @@ from scenewright.geometry.polyline import (
     resample_by_spacing,
 )
 from scenewright.scene.base import FloatArray
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene, wrap_angles
-from scenewright.tools.exporters.opendrive import Road, make_roads, number_signals, write_opendrive
-from scenewright.tools.exporters.xml_writing import add, write_bytes
+from scenewright.scene.track import STEP
+from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene, wrap_angles
+from scenewright.tools.formats.opendrive import Road, make_roads, number_signals, write_opendrive
+from scenewright.tools.formats.sampled_recording import (
+    AgentSamples,
+    SampledRecording,
+    find_road_user,
+    resample_if_uneven,
+    sort_out,
+)
+from scenewright.tools.formats.xml import add, parse_number, parse_xml, write_bytes
 
 LINE_SPACING, SPEED_SPACING = 1.0, 0.5
 """Between the points of a line without times [m], and between entries of a speed profile [s]."""
@@ -47,9 +56,13 @@ that holds it."""
 _Roads = Mapping[str, Road]
 _Way = list[tuple[Road, float]]
 """Places on the lanes that one drives on: the road and the distance along it [m]."""
+_HELD_FROM = 0.5
+"""Nothing stands still within a step from such a speed [m/s]."""
+_FOLLOW = "Action/PrivateAction/RoutingAction/FollowTrajectoryAction"
+_TIME = "StartTrigger/ConditionGroup/Condition/ByValueCondition/SimulationTimeCondition"
 
 
-def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[str, bytes]:
+def write(scene: ExportedScene, *, form: str = "replay") -> dict[str, bytes]:
     """The .xosc and .xodr of a scene.
 
     An ego that the caller named gets its place, speed and route, and is left alone from then on;
@@ -214,7 +227,11 @@ def _add_speed(action: _Element, speed: float | str) -> None:
 def _enter_on_lane(agent: ExportedAgent, road: Road) -> ExportedAgent:
     """The agent from when its axle is on its lane; at the map's edge it enters before that."""
     on_lane = (k for k, xy in enumerate(agent.xy.tolist()) if road.locate(xy)[0] > 0.0)
-    return agent.shift_start(next(on_lane, 0))
+    count = next(on_lane, 0)
+    return replace(
+        agent, first=agent.first + count, xy=agent.xy[count:], heading=agent.heading[count:],
+        velocity=agent.velocity[count:],
+    )  # fmt: skip
 
 
 def _add_place(parent: _Element, agent: ExportedAgent, way: _Way) -> None:
@@ -331,19 +348,28 @@ def _add_stop(maneuver: _Element, agent: ExportedAgent, scene: ExportedScene) ->
 
 def _add_trajectory(action: _Element, agent: ExportedAgent, *, held: bool) -> None:
     """The track; one that a collision ends is held for a step, so that no clock misses its end."""
+    times, xy, heading = agent.times.tolist(), agent.xy, agent.heading
+    if held:
+        times = [*times, round(times[-1] + agent.step, 3)]
+        xy, heading = np.concatenate([xy, xy[-1:]]), np.append(heading, heading[-1])
+    reference = _add_line(action, f"track {agent.name}", xy, heading, times)
+    add(reference, "Timing", domainAbsoluteRelative="absolute", scale=1.0, offset=0.0)
+
+
+def _add_line(
+    action: _Element, name: str, xy: FloatArray, heading: FloatArray, times: list[float] | None
+) -> _Element:
+    """A line to follow through places [n, 2]; the element that says whether its times count."""
     follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
-    reference = add(follow, "TrajectoryRef")
-    path = add(reference, "Trajectory", name=f"track {agent.name}", closed=False)
+    path = add(add(follow, "TrajectoryRef"), "Trajectory", name=name, closed=False)
     add(path, "ParameterDeclarations")
     line = add(add(path, "Shape"), "Polyline")
-    for t, xy, heading in zip(agent.times.tolist(), agent.xy, agent.heading.tolist(), strict=True):
-        _add_position(add(line, "Vertex", time=t), xy, heading)
-    if held:
-        vertex = add(line, "Vertex", time=round(float(agent.times[-1]) + agent.step, 3))
-        _add_position(vertex, agent.xy[-1], float(agent.heading[-1]))
-    timing = add(follow, "TimeReference")
-    add(timing, "Timing", domainAbsoluteRelative="absolute", scale=1.0, offset=0.0)
+    for k, (place, turn) in enumerate(zip(xy, heading.tolist(), strict=True)):
+        vertex = add(line, "Vertex") if times is None else add(line, "Vertex", time=times[k])
+        _add_position(vertex, place, turn)
+    reference = add(follow, "TimeReference")
     add(follow, "TrajectoryFollowingMode", followingMode="position")
+    return reference
 
 
 def _find_way(agent: ExportedAgent, scene: ExportedScene, roads: _Roads) -> _Way:
@@ -415,16 +441,7 @@ def _add_way(action: _Element, agent: ExportedAgent, way: _Way) -> None:
     """The lanes to drive on, or the line to go along where there are none."""
     if not way:
         # A trajectory without times: where to go, not when.
-        follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
-        path = add(
-            add(follow, "TrajectoryRef"), "Trajectory", name=f"way {agent.name}", closed=False
-        )
-        add(path, "ParameterDeclarations")
-        shape = add(add(path, "Shape"), "Polyline")
-        for xy, heading in zip(*_follow_track(agent), strict=True):
-            _add_position(add(shape, "Vertex"), xy, float(heading))
-        add(add(follow, "TimeReference"), "None")
-        add(follow, "TrajectoryFollowingMode", followingMode="position")
+        add(_add_line(action, f"way {agent.name}", *_follow_track(agent), None), "None")
         return
     route = add(add(add(action, "RoutingAction"), "AssignRouteAction"), "Route",
                 name=f"route {agent.name}", closed=False)  # fmt: skip
@@ -465,3 +482,105 @@ def _add_entity_condition(condition: _Element, name: str) -> _Element:
 def _add_condition(trigger: _Element, name: str, delay: float = 0.0) -> _Element:
     group = add(trigger, "ConditionGroup")
     return add(group, "Condition", name=name, delay=delay, conditionEdge="none")
+
+
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
+    """The trajectories of all entities that have one.
+
+    Vertices that are not evenly 0.1 s apart are resampled, as the standard defines the track
+    between two vertices.
+
+    Raises:
+        InputError: no OpenSCENARIO, no trajectory, or one that is not in world positions.
+    """
+    root = parse_xml(data, name=name)
+    if root.tag != "OpenSCENARIO":
+        raise InputError(f"{name} is no OpenSCENARIO file: its root is {root.tag[:40]!r}")
+    entities = {each.get("name", ""): each for each in root.iterfind("Entities/ScenarioObject")}
+    found = []
+    for group in root.iter("ManeuverGroup"):
+        actors = [each.get("entityRef", "") for each in group.iterfind("Actors/EntityRef")]
+        for event in group.iterfind("Maneuver/Event"):
+            follow = event.find(_FOLLOW)
+            if follow is not None:
+                found += [_read_agent(entities.get(a), a, event, follow, name) for a in actors]
+    if not found:
+        raise InputError(f"{name} has no trajectories; routes and speeds cannot be checked")
+    return [sort_out("", found)]
+
+
+def _read_agent(
+    entity: _Element | None, actor: str, event: _Element, follow: _Element, name: str
+) -> tuple[str, AgentSamples | None]:
+    """The word for what the entity is, and its samples if it is a road user."""
+    if entity is None:
+        raise InputError(f"{name}: no entity {actor[:40]!r}")
+    # What the entity is in a word, and its element, where it is not in a catalogue.
+    word, body = "object", None
+    for part in entity:
+        if part.tag in ("Vehicle", "Pedestrian"):
+            animal = part.get("pedestrianCategory") == "animal"
+            walks = "animal" if animal else "pedestrian"
+            word = part.get("vehicleCategory", "") if part.tag == "Vehicle" else walks
+            body = part
+            break
+        if part.tag == "CatalogReference":
+            entry = part.get("entryName", "").replace("_", " ").split()
+            word = next((each for each in entry if find_road_user(each)), "catalogue entry")
+            break
+    subtype = find_road_user(word)
+    if subtype is None:
+        return word, None
+    t, places = _read_vertices(event, follow, f"{name}, {actor[:40]}")
+    size = None if body is None else body.find("BoundingBox/Dimensions")
+    middle = None if body is None else body.find("BoundingBox/Center")
+    heading = places[:, 2] if np.isfinite(places[:, 2]).all() else None
+    xy = places[:, :2]
+    if middle is not None and heading is not None:
+        x, y = (parse_number(middle.get(axis), name=name, what=axis) for axis in ("x", "y"))
+        c, s = np.cos(heading), np.sin(heading)
+        xy = xy + np.stack([c * x - s * y, s * x + c * y], axis=1)
+    length, width = (
+        None if size is None else parse_number(size.get(key), name=name, what=key)
+        for key in ("length", "width")
+    )
+    agent = AgentSamples(actor, subtype, t, xy, heading, length, width)
+    return word, resample_if_uneven(agent, STEP)
+
+
+def _read_vertices(event: _Element, follow: _Element, name: str) -> tuple[FloatArray, FloatArray]:
+    """[T] times [s] on the scenario's clock and [T, 3] x, y, heading (NaN where not stated)."""
+    vertices = list(follow.iter("Vertex"))
+    if not vertices:
+        raise InputError(f"{name}: only trajectories as polylines can be checked")
+    if any(vertex.get("time") is None for vertex in vertices):
+        raise InputError(f"{name}: the trajectory has no times, so where it is when is open")
+    rows = np.full((len(vertices), 3), np.nan)
+    for row, vertex in zip(rows, vertices, strict=True):
+        place = vertex.find("Position/WorldPosition")
+        if place is None:
+            raise InputError(f"{name}: only trajectories in world positions can be checked")
+        for k, axis in enumerate(("x", "y", "h")):
+            if axis != "h" or place.get("h") is not None:
+                row[k] = parse_number(place.get(axis), name=name, what=axis)
+    t = np.array([parse_number(each.get("time"), name=name, what="time") for each in vertices])
+    timing = follow.find("TimeReference/Timing")
+    if timing is None:
+        raise InputError(f"{name}: the trajectory has no timing, so where it is when is open")
+    scale, offset = (
+        parse_number(timing.get(key, default), name=name, what=key)
+        for key, default in (("scale", "1"), ("offset", "0"))
+    )
+    t = scale * t + offset
+    if timing.get("domainAbsoluteRelative") != "absolute":
+        trigger = event.find(_TIME)
+        if trigger is None:
+            raise InputError(f"{name}: it starts by a trigger other than time, so when is open")
+        t = t + parse_number(trigger.get("value"), name=name, what="trigger")
+    if (np.diff(t) <= 0).any():
+        raise InputError(f"{name}: the times of the vertices do not rise")
+    if len(t) > 2 and (rows[-1] == rows[-2]).all():
+        before = np.hypot(*(rows[-2] - rows[-3])[:2]) / (t[-2] - t[-3])
+        if before > _HELD_FROM:  # the last one only holds an agent whose track a collision ended
+            return t[:-1], rows[:-1]
+    return t, rows

@@ -21,8 +21,8 @@ from scenewright.geometry.polyline import (
 )
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
-from scenewright.tools.exporters.lanes import Side, list_predecessors, number_lanes
-from scenewright.tools.exporters.xml_writing import add, write_bytes
+from scenewright.tools.formats.lanes import Side, list_predecessors, number_lanes
+from scenewright.tools.formats.xml import add, write_bytes
 
 JUNCTION = 1000
 """Number of the junction."""

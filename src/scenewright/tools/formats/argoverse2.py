@@ -7,27 +7,38 @@ from __future__ import annotations
 
 import io
 import json
+from collections import Counter
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from scenewright.errors import InputError
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.lanes import (
+from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.formats.lanes import (
     find_crosswalk_edges,
     find_neighbours,
     list_points,
     list_predecessors,
     number_lanes,
 )
+from scenewright.tools.formats.sample_table import SampleTable
+from scenewright.tools.formats.sampled_recording import SampledRecording, find_road_user
 
 WINDOW, OBSERVED, EVENT = 110, 50, 80
 """Steps of a scenario of the dataset, how many are observed, and where a window has its event."""
 FOCAL, SCORED, UNSCORED = 3, 2, 1
+NANOSECONDS = 1e-9
+_NEEDED = (
+    "track_id", "object_type", "timestep", "position_x", "position_y", "heading",
+    "start_timestamp", "end_timestamp", "num_timestamps",
+)  # fmt: skip
+_OWN = ("length", "width", "kind")
+"""Columns that our exporter adds: Argoverse 2 states no sizes."""
 
 
-def write_argoverse2(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
+def write(scene: ExportedScene, *, form: str = "window") -> dict[str, bytes]:
     """The 11 s of the dataset around the event, or the whole scene; the ego is the track `AV`."""
     if form == "window":
         scene = scene.cut_window(WINDOW, now=OBSERVED - 1, event=EVENT)
@@ -128,3 +139,41 @@ def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
         "lane_segments": {str(each["id"]): each for each in lanes},
         "drivable_areas": {str(each["id"]): each for each in areas},
     }
+
+
+def read(data: bytes, *, name: str) -> list[SampledRecording]:
+    """The tracks of one scenario; sizes are the usual ones unless our exporter wrote the file.
+
+    Raises:
+        InputError: no Parquet file, or not the columns of a scenario.
+    """
+    arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    try:
+        file = parquet.ParquetFile(io.BytesIO(data))
+        names = file.schema_arrow.names
+        if missing := [column for column in _NEEDED if column not in names]:
+            raise InputError(
+                f"{name} is no Argoverse 2 scenario: no column {', '.join(missing)[:120]}"
+            )
+        own = [column for column in _OWN if column in names]
+        columns: dict[str, list[Any]] = file.read([*_NEEDED, *own]).to_pydict()
+    except (arrow.ArrowException, OSError, ValueError) as error:
+        raise InputError(f"{name} is no Parquet file that can be read") from error
+    if not columns["track_id"]:
+        raise InputError(f"{name} holds no tracks")
+    steps, ids = np.array(columns["timestep"]), columns["track_id"]
+    start, end, count = (columns[key][0] for key in _NEEDED[-3:])
+    step = (end - start) * NANOSECONDS / max(count - 1, 1)
+    table, others = SampleTable(name), dict[str, str]()
+    first = {who: k for k, who in reversed(list(enumerate(ids)))}
+    for k in sorted(range(len(ids)), key=lambda k: (first[ids[k]], steps[k])):
+        who, word = str(ids[k]), str(columns["kind" if "kind" in columns else "object_type"][k])
+        if (subtype := find_road_user(word)) is None:
+            others[who] = word
+            continue
+        names = {"x": "position_x", "y": "position_y", "heading": "heading"} | {
+            key: key for key in own if key != "kind"
+        }
+        place = {key: float(columns[column][k]) for key, column in names.items()}
+        table.add(None, who, subtype, {"t": round(float(steps[k] * step), 4)} | place)
+    return [SampledRecording("", table.list_agents(), Counter(others.values()))]

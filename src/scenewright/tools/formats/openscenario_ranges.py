@@ -14,9 +14,9 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.plan_file import LogicalPlan
 from scenewright.scene.spread import Spread
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.exporters.openscenario import build_header, name_parameter
-from scenewright.tools.exporters.xml_writing import add, write_bytes
+from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.formats.openscenario import build_header, name_parameter
+from scenewright.tools.formats.xml import add, write_bytes
 
 RUNS = 100
 """Test runs that the file asks for."""

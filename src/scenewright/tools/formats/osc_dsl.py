@@ -7,7 +7,7 @@ from typing import Any
 from scenewright.scene.events import RELATION_OF_EVENT
 from scenewright.scene.osc_dsl import write_osc_dsl
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.exporters.exported_scene import ExportedScene
+from scenewright.tools.formats.exported_scene import ExportedScene
 
 _OF_AGENT = ("subtype", "entry", "exit", "movement", "crosswalk", "reaction", "motion")
 _OF_RELATION = (
@@ -16,7 +16,7 @@ _OF_RELATION = (
 )  # fmt: skip
 
 
-def write_constraints(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """The .osc of a scene: the plan that it was made from, else that of its record."""
     record, plan = scene.record, scene.record.meta.plan
     if plan is None:

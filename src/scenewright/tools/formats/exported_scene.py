@@ -25,7 +25,7 @@ from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord, name_door
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
-from scenewright.tools.exporters.road_users import ROAD_USERS, RoadUserNames, find_kind
+from scenewright.tools.formats.road_users import ROAD_USERS, RoadUserNames, find_kind
 
 ROUTE_SPACING = 2.0
 """Between the points of a route beyond the end of a track [m]."""
@@ -140,13 +140,6 @@ class ExportedAgent:
             velocity=self.velocity[part],
         )  # fmt: skip
 
-    def shift_start(self, count: int) -> ExportedAgent:
-        """The agent without so many of its first samples."""
-        return replace(
-            self, first=self.first + count, xy=self.xy[count:], heading=self.heading[count:],
-            velocity=self.velocity[count:],
-        )  # fmt: skip
-
     def hold(self, first: int, end: int) -> ExportedAgent:
         """A standing object there from a step on and before another."""
         count = end - first
@@ -239,6 +232,17 @@ class ExportedScene:
                 if row.start - 1e-6 <= (k + self.offset) * self.step <= row.end + 1e-6:
                     colours[k] = row.colour
         return lights
+
+    def list_lane_lights(self) -> list[tuple[str, Point, list[Colour | None]]]:
+        """Id, end and colours at every step of each lane that ends at a stop line with a light."""
+        ends = {each.id: each.centreline[-1] for each in self.intersection_map.lanelets}
+        colours = self.list_colours()
+        return [
+            (lane, ends[lane], colours[line.id])
+            for line in self.intersection_map.stop_lines
+            for lane in line.lanelets
+            if line.id in colours
+        ]
 
     def begin_at_ego(self) -> ExportedScene:
         """Cut the scene to begin when the ego enters; agents that have left by then are dropped."""

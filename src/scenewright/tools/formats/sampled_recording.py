@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
 
@@ -27,8 +28,9 @@ class AgentSamples:
 
     Attributes:
         name: id in the file; subtype: as in `subtypes.SUBTYPES`.
-        t: [T] time [s]; xy: [T, 2] centre [m]; heading: [T] [rad], or None.
+        t: [T] time [s]; xy: [T, 2] centre [m]; heading: [T] [rad], NaN where not stated, or None.
         length, width: footprint [m], or None.
+        lines: [T] of the file, where it has one for each sample.
     """
 
     name: str
@@ -38,6 +40,7 @@ class AgentSamples:
     heading: FloatArray | None = None
     length: float | None = None
     width: float | None = None
+    lines: NDArray[np.int64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +51,15 @@ class SampledRecording:
         name: of the scenario; empty where the file holds only one.
         left_out: what is no road user, or of an unknown kind: word of the file -> how many.
         notes: what was assumed, one sentence each.
+        clock, unit: what the file calls its time, and how long a unit of that is [s].
     """
 
     name: str
     agents: tuple[AgentSamples, ...]
-    left_out: Counter[str]
+    left_out: Counter[str] = field(default_factory=Counter)
     notes: tuple[str, ...] = ()
+    clock: str = "t"
+    unit: float = 1.0
 
 
 def find_road_user(word: str) -> str | None:
@@ -72,6 +78,13 @@ def sort_out(
         elif len(agent.t):
             agents.append(agent)
     return SampledRecording(name, tuple(agents), left_out, notes)
+
+
+def describe_rides(rides: Mapping[str, str]) -> tuple[str, ...]:
+    """A note on passengers; none where there are none."""
+    words = [f"{name} in {vehicle}" for name, vehicle in rides.items()]
+    more = f" and {len(words) - 5} more" if len(words) > 5 else ""
+    return (f"passengers, left out: {', '.join(words[:5])}{more}",) if words else ()
 
 
 def resample_if_uneven(agent: AgentSamples, step: float) -> AgentSamples:

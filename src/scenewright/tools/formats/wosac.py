@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
-from scenewright.tools.track_io.protobuf_schema import build_messages
-from scenewright.tools.track_io.womd import PACKAGE
+from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.formats.protobuf_schema import build_messages
+from scenewright.tools.formats.womd import PACKAGE
 
 CURRENT, STEPS, ROLLOUTS = 10, 80, 32
 """The last step that is given, how many follow it, and how many times they are simulated."""
@@ -35,7 +35,7 @@ def load_messages() -> dict[str, Any]:
     return build_messages(PACKAGE, _SCHEMA)
 
 
-def write_joint_scene(scene: ExportedScene) -> dict[str, bytes]:
+def write(scene: ExportedScene) -> dict[str, bytes]:
     """The 8 s after the eleventh step of a scene, of every agent and object that is there then.
 
     An agent whose track ends before goes on along its route, and stands at the end of the map.
@@ -44,7 +44,7 @@ def write_joint_scene(scene: ExportedScene) -> dict[str, bytes]:
     return {f"{scene.name}.joint_scene.binproto": joint.SerializeToString(deterministic=True)}
 
 
-def write_submission(scenes: Sequence[ExportedScene]) -> dict[str, bytes]:
+def write_index(scenes: Sequence[ExportedScene]) -> dict[str, bytes]:
     """One submission of all scenes; those alike until the eleventh step are of one scenario.
 
     There is none where no two scenes are alike.

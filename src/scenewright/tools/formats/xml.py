@@ -1,8 +1,9 @@
-"""XML from strangers: a tree, or one line on why it is refused."""
+"""XML: nothing that a user wrote becomes markup; what strangers wrote is refused in one line."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import NoReturn
 from xml.etree import ElementTree
@@ -11,6 +12,32 @@ from xml.parsers import expat
 from scenewright.errors import InputError
 
 MOST_DEPTH = 64
+_NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def add(parent: ElementTree.Element, name: str, /, **attributes: object) -> ElementTree.Element:
+    """A child element; numbers are written in full, booleans as true and false.
+
+    A trailing underscore of a keyword is dropped, so that `class_` writes `class`.
+    """
+    values = {key.rstrip("_"): format_value(value) for key, value in attributes.items()}
+    return ElementTree.SubElement(parent, name, values)
+
+
+def format_value(value: object) -> str:
+    """A value as the text of an attribute; characters that XML cannot hold become U+FFFD."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(float(value))
+    return _NOT_XML.sub("\ufffd", str(value))
+
+
+def write_bytes(root: ElementTree.Element) -> bytes:
+    """The document with its declaration, indented; the same tree, the same bytes."""
+    ElementTree.indent(root)
+    body = ElementTree.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'.encode()
 
 
 def parse_xml(data: bytes, *, name: str) -> ElementTree.Element:

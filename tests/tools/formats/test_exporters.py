@@ -26,23 +26,25 @@ from scenewright.errors import InputError
 from scenewright.graph.run import encode_scene, load_tracks, verify_tracks
 from scenewright.scene.objects import EncounterRecord, ObjectRecord
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.exporters import FORMATS, ExportedScene, prepare_scene, write_scene
-from scenewright.tools.exporters.exported_scene import wrap_angles
-from scenewright.tools.exporters.opendrive import Road, make_roads, write_opendrive
-from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
-from scenewright.tools.exporters.wosac import CURRENT, ROLLOUTS, STEPS, load_messages
-from scenewright.tools.track_io.external_tracks import read_external_recordings
-from scenewright.tools.track_io.osi import load_osi_classes
-from scenewright.tools.track_io.scenarionet import load_arrays
-from scenewright.tools.track_io.womd import (
+from scenewright.tools.formats import FORMATS, ExportedScene, prepare_scene, write_scene
+from scenewright.tools.formats.exported_scene import wrap_angles
+from scenewright.tools.formats.opendrive import Road, make_roads, write_opendrive
+from scenewright.tools.formats.osi import load_osi_classes
+from scenewright.tools.formats.road_users import ROAD_USERS, find_kind
+from scenewright.tools.formats.scenarionet import load_arrays
+from scenewright.tools.formats.womd import (
     compute_masked_crc,
     load_example_class,
     load_scenario_class,
     read_example,
     read_records,
-    read_womd,
     write_records,
 )
+from scenewright.tools.formats.womd import (
+    read as read_womd,
+)
+from scenewright.tools.formats.wosac import CURRENT, ROLLOUTS, STEPS, load_messages
+from scenewright.tools.track_io.external_tracks import read_external_recordings
 
 
 def test_headings_lie_within_pi_and_velocities_are_of_the_positions() -> None:

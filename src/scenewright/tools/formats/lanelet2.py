@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import count
 from xml.etree import ElementTree
 
 from scenewright.geometry.geographic import LatLon, unproject_mercator
 from scenewright.scene.base import Point
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.exporters.lanes import find_crosswalk_edges
-from scenewright.tools.exporters.xml_writing import add, write_bytes
+from scenewright.tools.formats.lanes import find_crosswalk_edges
+from scenewright.tools.formats.xml import add, write_bytes
 
 NOWHERE: LatLon = (0.0, 0.0)
 """Where a map lies whose place is not known."""
@@ -46,47 +47,39 @@ class _Writer:
     """Nodes, ways and relations with numbers; points at one place are one node."""
 
     def __init__(self, origin: LatLon) -> None:
-        self.origin = origin
-        self.nodes: dict[Point, int] = {}
-        self.ways: list[tuple[int, list[int]]] = []
-        self.relations: list[tuple[int, int, int, dict[str, str]]] = []
-        self._last = 0
-
-    def _number(self) -> int:
-        self._last += 1
-        return self._last
+        self._origin = origin
+        self._numbers = count(1)
+        self._points: dict[Point, int] = {}
+        # In the order in which a document has them.
+        self._nodes, self._ways, self._relations = (ElementTree.Element("osm") for _ in range(3))
 
     def _add_way(self, line: Sequence[Point]) -> int:
         for point in line:
-            if point not in self.nodes:
-                self.nodes[point] = self._number()
-        nodes = [self.nodes[point] for point in line]
-        number = self._number()
-        self.ways.append((number, nodes))
+            if point not in self._points:
+                self._points[point] = number = next(self._numbers)
+                lat, lon = unproject_mercator(self._origin, point)
+                add(self._nodes, "node", id=number, lat=f"{lat:.9f}", lon=f"{lon:.9f}")
+        number = next(self._numbers)
+        way = add(self._ways, "way", id=number)
+        for point in line:
+            add(way, "nd", ref=self._points[point])
+        add(way, "tag", k="type", v="line_thin")
         return number
 
     def add_lanelet(
         self, left: Sequence[Point], right: Sequence[Point], tags: dict[str, str]
     ) -> None:
         """A lanelet between two bounds [m]."""
-        bounds = self._add_way(left), self._add_way(right)
-        self.relations.append((self._number(), *bounds, tags))
+        bounds = {"left": self._add_way(left), "right": self._add_way(right)}
+        relation = add(self._relations, "relation", id=next(self._numbers))
+        for role, number in bounds.items():
+            add(relation, "member", type="way", ref=number, role=role)
+        for key, value in tags.items():
+            add(relation, "tag", k=key, v=value)
 
     def finish(self) -> ElementTree.Element:
         """The document."""
         root = ElementTree.Element("osm", version="0.6", generator="scenewright")
-        for point, number in self.nodes.items():
-            lat, lon = unproject_mercator(self.origin, point)
-            add(root, "node", id=number, lat=f"{lat:.9f}", lon=f"{lon:.9f}")
-        for number, nodes in self.ways:
-            way = add(root, "way", id=number)
-            for node in nodes:
-                add(way, "nd", ref=node)
-            add(way, "tag", k="type", v="line_thin")
-        for number, left, right, tags in self.relations:
-            relation = add(root, "relation", id=number)
-            add(relation, "member", type="way", ref=left, role="left")
-            add(relation, "member", type="way", ref=right, role="right")
-            for key, value in tags.items():
-                add(relation, "tag", k=key, v=value)
+        for part in (self._nodes, self._ways, self._relations):
+            root.extend(part)
         return root
