@@ -30,7 +30,6 @@ from scenewright.evals.tables.reading import (
     Dataset,
     RobustnessRate,
     compute_robustness,
-    count_out_of_scope,
     find_commit,
     read_dataset,
 )
@@ -121,7 +120,7 @@ def make_tables(
             "made by scenewright": manifest.get("scenewright"),
             "measured by scenewright": __version__,
             "commit": find_commit(),
-            "out of scope": count_out_of_scope(dataset),
+            "out of scope": sum(not row.scope for row in dataset.rows),
             "draws": draws,
             "seed of intervals": seed,
             "corpus": None if corpus is None else corpus.name,
