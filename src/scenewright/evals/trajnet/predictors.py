@@ -85,8 +85,9 @@ class Refining:
         due = due if due is None or not longer else due * step / own
         drawn = compute_times_around_now(steps + 1, before=0, step=own)
         later = compute_times_around_now(PREDICTED + 1, before=0, step=step)[1:]
+        aims: Sequence[FloatArray | None] = goals or [None] * len(pasts)
         found = []
-        for past, goal in zip(pasts, goals or [None] * len(pasts), strict=True):
+        for past, goal in zip(pasts, aims, strict=True):
             seen = interpolate_at_times(past, given, wanted) if longer else past
             ahead = self._predict_scene(seen, goal, due, steps)
             if longer:
