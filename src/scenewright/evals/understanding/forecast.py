@@ -143,7 +143,7 @@ def _forecast_agent(
     np.cumsum(dt, axis=1, out=times[:, 1:])
     times -= interpolate_rows(here, nodes + 1e-9 * np.arange(nodes.shape[1]), times)
     ticks = np.broadcast_to(DT * np.arange(TICKS), (SIZE, TICKS))
-    at = interpolate_rows(ticks, times + 1e-7 * np.arange(times.shape[1]), nodes)
+    at = interpolate_rows(ticks, times + 1e-7 * np.arange(nodes.shape[1]), nodes)
     line = components.line[component] - (agent.length / 2 if agent.is_vehicle else 0.0)
     line = np.where(line - here[:, 0] > -1.5, line - here[:, 0], np.inf)
     groups = [components.group[c] in closed for c in component]

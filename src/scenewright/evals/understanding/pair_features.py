@@ -171,7 +171,8 @@ def compute_zone_features(
         grid = np.broadcast_to(_GRID, (len(rows), len(_GRID)))
         places.append(interpolate_points(grid, s[-1], xy))
     wide = ((one.agent.width + two.agent.width) / 2 + 0.05) ** 2
-    near = _find_overlap(*places, *((each[:, -1:] >= _GRID).sum(axis=1) for each in s), wide)
+    on_map = [(each[:, -1:] >= _GRID).sum(axis=1) for each in s]
+    near = _find_overlap(places[0], places[1], on_map[0], on_map[1], wide)
     found = near[0].any(axis=1)
     if not found.any():
         return nothing

@@ -307,10 +307,12 @@ def _summarise_kinds(
     columns[pooled] = compute_f1(total.sum(axis=1)), n.sum()
     found = {}
     for name, (values, count) in columns.items():
-        figures: list[float | None] = [None] * 3
-        if not np.isnan(values[0]):
-            figures = [round(100 * x, 2) for x in (values[0], *compute_interval(values[1:]))]
-        found[name] = Figure(*figures, int(count))
+        if np.isnan(values[0]):
+            found[name] = Figure(None, None, None, int(count))
+            continue
+        bounds = float(values[0]), *compute_interval(values[1:])
+        value, low, high = (round(100 * each, 2) for each in bounds)
+        found[name] = Figure(value, low, high, int(count))
     return found
 
 
