@@ -24,7 +24,7 @@ from scenewright.evals.understanding.route_components import list_sides
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 
-WINDOWS = (1.0, 2.0, 3.0, 4.0, 5.0)
+WINDOWS = (2.0, 4.0)
 CHECKED = 4.0
 """Window at which exits of unseen folds are counted [s]."""
 _TREES = {

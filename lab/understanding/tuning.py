@@ -28,12 +28,8 @@ from scenewright.evals.bootstrap import compute_interval, draw_resamples
 from scenewright.evals.understanding.boosted_trees import BoostedTrees
 from scenewright.evals.understanding.calibration import (
     PAIR_CLASSES,
-    SIZE,
     SWAPPED,
     Calibration,
-    apply_scene_model,
-    compute_scene_features,
-    mirror_scene_features,
     select_relations,
     to_relation,
 )
@@ -56,7 +52,7 @@ from scenewright.evals.understanding.scoring import (
 )
 from scenewright.scene.base import FloatArray
 
-WINDOWS = (1.0, 2.0, 3.0, 4.0, 5.0)
+WINDOWS = (2.0, 4.0)
 CHECKED = 4.0
 """Window at which scores on unseen folds are printed [s]."""
 COMPOSITION = {"collision": 40.0, "yielding": 50.0, None: 100.0}
@@ -79,8 +75,6 @@ _FIRST = (9.0, 0.3, 0.36, 0.3, 0.3)
 _ROUNDS = 2
 _IN_TURN = ((1,), (3, 4), (2,))
 """Thresholds are searched in this order; both directions of yielding share one."""
-_REGULARISATION = 0.1
-"""Inverse regularisation of the scene model (scikit-learn's C)."""
 _NEAR_MISS = 0.1
 """Weight of the F1 of near misses beside the paper's macro F1."""
 _NEVER = -30.0
@@ -128,10 +122,6 @@ class TrainingTable:
     fold: NDArray[np.intp]
     weight: FloatArray
     rows: tuple[slice, ...]
-
-    def list_scenes(self) -> Iterator[tuple[TrainingView, slice]]:
-        """List every view that has pairs, and its rows."""
-        return ((v, r) for v, r in zip(self.views, self.rows, strict=True) if v.pairs)
 
 
 def view_scene(case: SceneCase, *, windows: Sequence[float] = WINDOWS) -> list[TrainingView]:
@@ -197,14 +187,12 @@ def fit_calibration(table: TrainingTable, unseen: FloatArray) -> Calibration:
     Args:
         unseen: [N, C] as from `predict_unseen`.
     """
-    likely = _apply_unseen_scene_models(table, unseen)
     windows = sorted({view.window for view in table.views})
-    limits = np.array([_search_thresholds(_WindowViews(table, likely, w)) for w in windows])
+    limits = np.array([_search_thresholds(_WindowViews(table, unseen, w)) for w in windows])
     every = np.ones(len(table.values), dtype=np.bool_)
     return replace(
-        _fit_trees(table, every), together=_fit_scene_model(table, unseen, every),
-        windows=np.array(windows), threshold=_smooth_thresholds(limits),
-    )  # fmt: skip
+        _fit_trees(table, every), windows=np.array(windows), threshold=_smooth_thresholds(limits)
+    )
 
 
 def _list_folds(table: TrainingTable) -> Iterator[BoolArray]:
@@ -222,47 +210,6 @@ def predict_unseen(table: TrainingTable) -> FloatArray:
     for mine in _list_folds(table):
         unseen[mine] = _fit_trees(table, ~mine).predict_pairs(table.values[mine])
     return unseen
-
-
-def _apply_unseen_scene_models(table: TrainingTable, unseen: FloatArray) -> FloatArray:
-    """[N, C] the same given all pairs of a scene, by scene models of the other folds."""
-    found = unseen.copy()
-    for mine in _list_folds(table):
-        weights = _fit_scene_model(table, unseen, ~mine)
-        for view, rows in table.list_scenes():
-            if mine[rows.start]:
-                found[rows] = apply_scene_model(unseen[rows], view.pairs, weights)
-    return found
-
-
-def _fit_scene_model(table: TrainingTable, unseen: FloatArray, used: BoolArray) -> FloatArray:
-    """[M + 1, C] weights of the scene model, the constant last."""
-    from sklearn import linear_model
-
-    values = np.zeros((len(unseen), SIZE))
-    for view, rows in table.list_scenes():
-        values[rows] = compute_scene_features(unseen[rows], view.pairs)
-    drawn, weight = _thin_out(table, used)
-    values, classes = values[drawn], table.classes[drawn]
-    mean, spread = values.mean(axis=0), values.std(axis=0) + 1e-9
-    make: Any = linear_model.LogisticRegression
-    model = make(C=_REGULARISATION, max_iter=300)
-    model.fit(
-        np.concatenate(
-            [(each - mean) / spread for each in (values, mirror_scene_features(values))]
-        ),
-        np.concatenate([classes, SWAPPED[classes]]),
-        sample_weight=np.concatenate([weight, weight]),
-    )
-    rows, constant = np.atleast_2d(model.coef_) / spread, np.ravel(model.intercept_)
-    present = [int(c) for c in model.classes_]
-    scored = present[-len(rows) :]  # of two classes only the second
-    found = np.zeros((SIZE + 1, len(PAIR_CLASSES)))
-    found[-1] = _NEVER
-    found[-1, present] = 0.0
-    found[:-1, scored] = rows.T
-    found[-1, scored] = constant - rows @ mean
-    return found
 
 
 def _thin_out(table: TrainingTable, used: BoolArray) -> tuple[BoolArray, FloatArray]:
@@ -303,21 +250,24 @@ def _convert_trees(trees: Any) -> Calibration:
     start[scored] = np.ravel(trees._baseline_prediction)
     return Calibration(
         start=start,
-        owner=np.array(scored * len(trees._predictors), dtype=np.intp),
-        **flatten_trees(trees),
-        together=np.zeros((SIZE + 1, len(PAIR_CLASSES))),
+        **flatten_trees(trees, scored),
         windows=np.array([WINDOWS[-1]]),
         threshold=np.ones((1, len(PAIR_CLASSES))),
     )
 
 
-def flatten_trees(trees: Any) -> dict[str, Any]:
-    """The nodes of all trees of a scikit-learn ensemble, end to end."""
+def flatten_trees(trees: Any, scored: Sequence[int] = (0,)) -> dict[str, Any]:
+    """The nodes of all trees of a scikit-learn ensemble, end to end.
+
+    Args:
+        scored: classes that one tree of each round adds to, in turn.
+    """
     parts = [tree.nodes for each in trees._predictors for tree in each]
     sizes = [len(each) for each in parts]
     nodes, root = np.concatenate(parts), np.cumsum([0, *sizes[:-1]])
     leaf, offset = nodes["is_leaf"].astype(bool), np.repeat(root, sizes)
     return {
+        "owner": np.array([*scored] * len(trees._predictors), dtype=np.intp),
         "root": root.astype(np.intp),
         "feature": np.where(leaf, -1, nodes["feature_idx"].astype(np.intp)),
         "limit": np.where(leaf, 0.0, nodes["num_threshold"]),
@@ -384,9 +334,9 @@ def score_unseen(
 ) -> dict[str, tuple[float, float, float]]:
     """Compute F1 [percent] and its 95 % interval by kind on unseen folds.
 
-    Trees, scene model and thresholds are all those of the other folds.
+    Trees and thresholds are those of the other folds.
     """
-    views = _WindowViews(table, _apply_unseen_scene_models(table, unseen), window)
+    views = _WindowViews(table, unseen, window)
     fold, counts = np.array([view.fold for view in views.views]), views.quiet.copy()
     for f in range(FOLDS):
         limits, mine = _search_thresholds(views, fold != f), fold == f

@@ -17,7 +17,7 @@ import numpy as np
 
 from lab.yielding.stops import find_standstills, find_stop_of_yield
 from scenewright.errors import InputError
-from scenewright.evals.realism.scenes import SceneTracks, cut_scenes
+from scenewright.evals.realism.sources import Stretch, cut_scenes
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass
@@ -64,7 +64,7 @@ class YieldCase:
 
 
 def find_yield_cases(
-    scenes: Iterable[SceneTracks], *, intersection_map: IntersectionMap
+    scenes: Iterable[Stretch], *, intersection_map: IntersectionMap
 ) -> Iterator[YieldCase]:
     """Find every yield in which the giver enters the zone before its track ends.
 
@@ -225,7 +225,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         ]
         seen = list(
             find_yield_cases(
-                (scene for _, scene in cut_scenes(hours, intersection_map=intersection_map)),
+                cut_scenes(hours, intersection_map=intersection_map),
                 intersection_map=intersection_map,
             )
         )

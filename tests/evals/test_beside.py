@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenewright.evals.realism.scenes import SceneTracks
+from scenewright.evals.realism.sources import Stretch
 from scenewright.evals.tables.diversity import (
     CorpusWindows,
     compare_speeds,
@@ -25,8 +25,8 @@ def driver(number: int, start: float, until: float, *, speed: float = 5.0) -> Ro
     return RoadUser(number, Track(xy, np.zeros(count), start), get_vehicle_shape())
 
 
-def scene(*starts: float, until: float = 30.0) -> SceneTracks:
-    return SceneTracks(tuple(driver(k, start, until) for k, start in enumerate(starts)))
+def scene(*starts: float, until: float = 30.0) -> Stretch:
+    return Stretch(tuple(driver(k, start, until) for k, start in enumerate(starts)))
 
 
 def test_a_window_is_as_long_and_as_busy_as_its_scene() -> None:
@@ -49,7 +49,7 @@ def test_nothing_to_compare_is_nothing() -> None:
 
 @given(st.floats(0.0, 12.0), st.floats(0.0, 15.0))
 def test_what_is_left_lies_within_the_length(start: float, length: float) -> None:
-    cut = shorten_scene(SceneTracks((driver(0, round(start, 1), 14.0),)), length)
+    cut = shorten_scene(Stretch((driver(0, round(start, 1), 14.0),)), length)
     for user in cut.users:
         assert user.track.end <= length + 1e-6
         assert len(user.track.xy) > 1
@@ -60,9 +60,9 @@ def test_what_is_left_lies_within_the_length(start: float, length: float) -> Non
 def test_a_quiet_dataset_is_as_varied_as_quiet_hours() -> None:
     rng = np.random.default_rng(0)
 
-    def traffic(count: int, low: float) -> SceneTracks:
+    def traffic(count: int, low: float) -> Stretch:
         fast = rng.uniform(low, 12.0, count)
-        return SceneTracks(tuple(driver(k, 0.0, 20.0, speed=v) for k, v in enumerate(fast)))
+        return Stretch(tuple(driver(k, 0.0, 20.0, speed=v) for k, v in enumerate(fast)))
 
     quiet = [traffic(2, 8.0) for _ in range(30)]
     corpus = [traffic(2, 8.0) for _ in range(30)] + [traffic(9, 1.0) for _ in range(30)]

@@ -6,12 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from scenewright.evals.realism.scenes import (
+from scenewright.evals.realism.sources import cut_scenes
+from scenewright.evals.tables.nearness import (
     ClusterSample,
     compute_distance,
     compute_wasserstein,
-    cut_scenes,
-    resample_distances,
 )
 from scenewright.intersections import load_map
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_vehicle_shape
@@ -45,14 +44,6 @@ def test_without_values_there_is_no_distance():
     assert compute_distance(empty, one, draws=5, rng=rng) is None
 
 
-def test_clusters_can_be_taken_out():
-    sample = ClusterSample.join_parts([[1.0, 2.0], [], [3.0], [4.0, 5.0]])
-    part = sample.select(np.array([3, 0]))
-    assert sorted(part.values) == [1.0, 2.0, 4.0, 5.0]
-    assert part.cluster[part.values == 4.0].tolist() == [0]
-    assert part.clusters == 2
-
-
 def clustered(rng, count, *, mean=0.0, spread=1.0, between=0.0):
     return ClusterSample.join_parts(
         [rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)]
@@ -77,8 +68,8 @@ def test_resampling_one_cluster_each_gives_the_distance_itself():
         ClusterSample.join_parts([rng.normal(0, 1, 500)]),
         ClusterSample.join_parts([rng.normal(1, 1, 500)]),
     )
-    again = resample_distances(one, two, draws=3, rng=rng)
-    assert again == pytest.approx(compute_wasserstein(one.values, two.values), abs=0.01)
+    found = compute_distance(one, two, draws=3, rng=rng)
+    assert (found.low, found.high) == pytest.approx((found.value, found.value), abs=0.01)
 
 
 def agent(xs, y, *, start=0.0, shape=None, subtype="car"):
@@ -98,8 +89,8 @@ def even_traffic(name, *, speed, seconds=61.0):
 def test_scenes_cut_from_a_corpus_have_its_agents_and_its_lights(intersection_map):
     cut = list(cut_scenes([even_traffic("a", speed=8.0)], intersection_map=intersection_map))
     assert len(cut) == 2
-    for k, (name, scene) in enumerate(cut):
-        assert name == "a"
+    for k, scene in enumerate(cut):
+        assert {name.split(":")[0] for name in scene.groups.values()} == {"a"}
         assert all(u.track.start >= 0.0 and u.track.end <= 30.0 + 1e-9 for u in scene.users)
         for record in scene.signals:
             if record.stop_line is not None and record.colour == "green":
@@ -108,7 +99,7 @@ def test_scenes_cut_from_a_corpus_have_its_agents_and_its_lights(intersection_ma
                 ) % intersection_map.signals.cycle
                 assert _colour(intersection_map, record.stop_line, at) == "green"
         assert scene.signals
-    assert [len(scene.users) for _, scene in cut] == [4, 3]
+    assert [len(scene.users) for scene in cut] == [4, 3]
 
 
 def _colour(intersection_map, stop_line, time):

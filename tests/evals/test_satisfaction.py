@@ -23,7 +23,6 @@ from scenewright.evals.satisfaction.judge import (
     judge,
     read_submission,
     see_agents,
-    to_json,
     to_markdown,
 )
 from scenewright.graph.run import Scene
@@ -170,14 +169,15 @@ def test_figures_have_their_own_denominators_and_the_board_is_ordered(tmp_path: 
     }  # fmt: skip
     assert "| unasked collision | 2 |" in to_markdown(shares, verdicts)
     board = tmp_path / "board.json"
-    enter_leaderboard(board, "worse|<b>", to_json(shares))
     better = count_verdicts([Verdict("one", "satisfied")] * 2, rows[:2])
-    page = enter_leaderboard(board, "better", to_json(better)).read_text()
+    worse, best = ({k: v.to_json() for k, v in each.items()} for each in (shares, better))
+    enter_leaderboard(board, "worse|<b>", worse)
+    page = enter_leaderboard(board, "better", best).read_text()
     assert page.index("better") < page.index("worse")
     assert "<b>" not in page.replace("\\<b\\>", "")
     board.write_text("{}")
     with pytest.raises(InputError, match="no leaderboard"):
-        enter_leaderboard(board, "x", to_json(better))
+        enter_leaderboard(board, "x", best)
 
 
 def test_the_command_writes_rows_and_refuses_an_empty_folder(

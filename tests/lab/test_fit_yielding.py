@@ -7,7 +7,7 @@ import pytest
 
 from lab.yielding.fit_yielding import find_yield_cases, fit_acceleration_profiles
 from lab.yielding.stops import find_standstills, measure_line_gap, measure_stop
-from scenewright.evals.realism.scenes import convert_scene
+from scenewright.evals.realism.sources import convert_scene
 from scenewright.graph.run import synthesize
 from scenewright.intersections import load_map
 from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape

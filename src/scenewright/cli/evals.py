@@ -228,7 +228,7 @@ def score_satisfaction(
     if all(each.outcome.endswith("refused") for each in verdicts):
         raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
     shares = judging.count_verdicts(verdicts, labelled)
-    figures = judging.to_json(shares)
+    figures = {name: share.to_json() for name, share in shares.items()}
     page = enter_leaderboard(Path(entry.board), str(entry.name), figures) if entry.board else None
     facts = {"folder": folder, **figures, "verdicts": [vars(each) for each in verdicts]}
     write_result(facts, judging.to_markdown(shares, verdicts), as_json=as_json)

@@ -12,8 +12,6 @@ from lab.understanding import tuning
 from scenewright.errors import InputError
 from scenewright.evals.understanding.calibration import (
     PAIR_CLASSES,
-    SIZE,
-    apply_scene_model,
     load_calibration,
     select_relations,
 )
@@ -79,18 +77,9 @@ def test_the_feature_of_a_collision_is_learnt(monkeypatch: pytest.MonkeyPatch) -
     assert figures["collision"][0] > 95.0
     assert figures["collision"][1] <= figures["collision"][0] <= figures["collision"][2]
     for n in (900, 901):
-        likely = found.predict_scene(view(n, hit=n % 3 == 0).values, [("a", "b")])
+        likely = found.predict_pairs(view(n, hit=n % 3 == 0).values)
         selected = select_relations(likely, found.interpolate_thresholds(4.0), [("a", "b")])
         assert [PAIR_CLASSES[c] for _, c in selected] == (["collision"] if n % 3 == 0 else [])
-
-
-def test_a_pair_counts_for_less_beside_a_likelier_one() -> None:
-    weights = np.zeros((SIZE + 1, 5))
-    weights[0, 1], weights[4, 1] = 1.0, -0.5  # its own log odds of a collision, and the others'
-    pairs = [("a", "b"), ("c", "d")]
-    quiet, busy = (np.array([[0.6, 0.4, 0, 0, 0], [1 - p, p, 0, 0, 0]]) for p in (0.01, 0.9))
-    selected = [apply_scene_model(likely, pairs, weights)[0, 1] for likely in (quiet, busy)]
-    assert selected[1] < selected[0] / 2
 
 
 def test_scenes_stand_for_the_composition_of_the_paper() -> None:

@@ -34,6 +34,10 @@ class PlanningShare:
         found = binomtest(self.right, self.n).proportion_ci(method="wilson")
         return float(found.low), float(found.high)
 
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON."""
+        return {"right": self.right, "n": self.n, "rate": self.rate, "interval": self.interval}
+
 
 def load(part: Literal["development", "test", "voices"]) -> list[dict[str, Any]]:
     """The labelled instructions of the package: {"id", "text", "previous"?, "expected"}."""

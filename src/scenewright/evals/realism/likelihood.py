@@ -131,16 +131,16 @@ def score_likelihood(
         for name, span in ranges.items():
             low, high = _FOR_PEDESTRIANS.get(name, span) if kind == "pedestrian" else span
             cells = 2 if span == (0.0, 1.0) else CELLS
+            sides = ([p[name] for p in side if name in p] for side in (source, reference))
             made, real = (
-                np.clip(
-                    (np.clip(values, low, high) - low) / (high - low) * cells, 0, cells - 1
-                ).astype(int)
-                for side in (source, reference)
-                for values in [np.concatenate([np.zeros(0), *(p[name] for p in side if name in p)])]
+                np.histogram(
+                    np.concatenate([np.zeros(0), *parts]).clip(low, high), cells, (low, high)
+                )[0]
+                for parts in sides
             )
-            if len(made) and len(real):
-                count = np.bincount(made, minlength=cells) + 0.1
-                scores[name] = float(np.exp(np.log(count / count.sum())[real].mean()))
+            if made.any() and real.any():
+                log = np.log((made + 0.1) / (made + 0.1).sum())
+                scores[name] = float(np.exp(np.average(log, weights=real)))
                 own.append(scores[name])
         if own:
             scores[group] = float(np.mean(own))

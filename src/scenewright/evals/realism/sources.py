@@ -1,30 +1,32 @@
 """Data sets to compare: generated scenes and recordings of any origin, in stretches of 30 s.
 
 A source is a folder of scenes (a batch's output, too), a corpus (`simulate --corpus`), or tracks
-in any form that `intersections fit` reads. All are cut alike, so that the length
-of a track does not separate them.
+in any form that `intersections fit` reads. All are cut alike, so that neither the length of a track
+separates them, nor long waits look rare in scenes only because scenes end.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.graph.run import load_scene
-from scenewright.scene.record import EventRecord, SceneRecord
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import EventRecord, SceneRecord, SignalRecord
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_rider_shape, get_vehicle_shape
+from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 from scenewright.tools.relation_checker import RoadUser, read_users
-from scenewright.tools.track_io import load_recordings
+from scenewright.tools.track_io import Recording, load_recordings
 from scenewright.tools.track_io.track_files import read_track_files
 
 LENGTH = 30.0
 """Of a stretch [s]: that of the longest scenes."""
-_SHORTEST = 0.5
-"""Pieces below this [s] are left out."""
+_FEWEST = 5
+"""Pieces of fewer samples are left out."""
 MOST_STRETCHES = 240
 """Of a corpus: spread evenly over its test hours."""
 
@@ -40,15 +42,19 @@ class Stretch:
         events: the scene's annotated events; None where there are no annotations.
         place: the intersection; None where it is none of ours. hour: of the day, if a scene's
             number of people was left to the hour; else None.
+        begin: in time of the recording [s].
+        signals: its lights; asked: pairs of ids that a relation binds, `from` first.
     """
 
     users: tuple[RoadUser, ...]
-    groups: Mapping[int, str]
+    groups: Mapping[int, str] = field(default_factory=dict)
     foreground: frozenset[int] = frozenset()
     events: tuple[EventRecord, ...] | None = None
     place: str | None = None
     hour: int | None = None
-    length: float = LENGTH
+    begin: float = 0.0
+    signals: tuple[SignalRecord, ...] = ()
+    asked: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +93,7 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
         for recording in recordings:
             kept = [agent for agent in recording.agents if agent.subtype != "bicycle"]
             users = [RoadUser(k, agent.track, agent.shape) for k, agent in enumerate(kept)]
-            every += _cut(recording.name, users, place)
+            every += _cut(recording.name, users, place=place)
         return TrackSource(
             name, tuple(every[:: max(len(every) // MOST_STRETCHES, 1)][:MOST_STRETCHES])
         )
@@ -100,7 +106,7 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
             RoadUser(k, track, shapes.get(word) or get_vehicle_shape(word))
             for k, (word, track) in enumerate(file.tracks)
         ]
-        stretches += _cut(file.name, users, place)
+        stretches += _cut(file.name, users, place=place)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     if not stretches:
         raise InputError(f"{path} holds no tracks that can be believed")
@@ -113,7 +119,7 @@ def read_scenes(folder: Path) -> Iterator[Stretch]:
         yield convert_scene(load_scene(file), str(file.parent.relative_to(folder)))
 
 
-def convert_scene(scene: SceneRecord, name: str) -> Stretch:
+def convert_scene(scene: SceneRecord, name: str = "") -> Stretch:
     """Convert a generated scene."""
     users = tuple(user for user in read_users(scene) if len(user.track.xy) > 1)
     counted = scene.meta.density is None and scene.meta.duration >= LENGTH - STEP
@@ -124,28 +130,60 @@ def convert_scene(scene: SceneRecord, name: str) -> Stretch:
         scene.events,
         scene.meta.intersection,
         int(scene.meta.time_of_day[:2]) if counted else None,
-        scene.meta.duration,
+        signals=scene.signals,
+        asked=tuple((relation.from_, relation.to) for relation in scene.relations),
     )
 
 
-def _cut(name: str, users: Sequence[RoadUser], place: str | None) -> Iterator[Stretch]:
-    """Cut a recording into stretches of 30 s, end to end; the last may be shorter."""
-    begin = min((user.track.start for user in users), default=0.0)
-    end = max((user.track.end for user in users), default=0.0)
-    for k in range(int(np.ceil(max(end - begin, 0.0) / LENGTH))):
-        first = begin + LENGTH * k
+def cut_scenes(
+    recordings: Iterable[Recording], *, intersection_map: IntersectionMap
+) -> Iterator[Stretch]:
+    """Cut scenes of 30 s, end to end, with the lights of the recordings that know theirs."""
+    program = intersection_map.signals
+    for recording in recordings:
+        users = [RoadUser(k, agent.track, agent.shape) for k, agent in enumerate(recording.agents)]
+        span = recording.begin, recording.end
+        for scene in _cut(recording.name, users, span=span, shortest=LENGTH):
+            signals: Sequence[SignalRecord] = ()
+            if program is not None and recording.signal_time is not None:
+                clock = SignalClock(program, (recording.signal_time + scene.begin) % program.cycle)
+                signals = build_signal_records(
+                    clock, intersection_map=intersection_map, until=LENGTH
+                )
+            yield replace(scene, signals=tuple(signals))
+
+
+def _cut(
+    name: str,
+    users: Sequence[RoadUser],
+    *,
+    place: str | None = None,
+    span: tuple[float, float] | None = None,
+    shortest: float = 0.0,
+) -> Iterator[Stretch]:
+    """Cut a recording into stretches of 30 s, end to end; the last may be as short as `shortest`.
+
+    Args:
+        span: first and last moment [s]; those of the tracks if None.
+    """
+    begin = span[0] if span else min((user.track.start for user in users), default=0.0)
+    end = span[1] if span else max((user.track.end for user in users), default=0.0)
+    for first in np.arange(begin, end - max(shortest, 1e-6) + 1e-6, LENGTH).tolist():
         parts = [(user, clip(user.track, first, first + LENGTH)) for user in users]
         seen = tuple(RoadUser(u.id, part, u.shape) for u, part in parts if part is not None)
         groups = {u.id: f"{name}:{int((u.track.start - begin) // LENGTH)}" for u, _ in parts}
         if seen:
-            yield Stretch(seen, groups, place=place, length=min(LENGTH, end - first))
+            yield Stretch(seen, groups, place=place, begin=first)
 
 
-def clip(track: Track, begin: float, end: float) -> Track | None:
-    """Cut a track from `begin` to before `end` [s], in time since `begin`."""
+def clip(track: Track, begin: float, end: float, *, fewest: int = _FEWEST) -> Track | None:
+    """Cut a track from `begin` to before `end` [s], in time since `begin`.
+
+    None where fewer than `fewest` samples are left.
+    """
     times = track.times
     kept = np.flatnonzero((times >= begin - 1e-6) & (times < end - 1e-6))
-    if len(kept) * track.step < _SHORTEST:
+    if len(kept) < fewest:
         return None
     start = round((float(times[kept[0]]) - begin) / STEP) * STEP
     return Track(track.xy[kept], track.heading[kept], round(start, 1), track.step)

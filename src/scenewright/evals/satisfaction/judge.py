@@ -176,18 +176,9 @@ def count_verdicts(
     }
 
 
-def to_json(shares: Mapping[str, PlanningShare]) -> dict[str, Any]:
-    """Plain JSON of the figures."""
-    return {name: _to_figure(share) for name, share in shares.items()}
-
-
-def _to_figure(share: PlanningShare) -> dict[str, Any]:
-    return {"right": share.right, "n": share.n, "rate": share.rate, "interval": share.interval}
-
-
 def to_markdown(shares: Mapping[str, PlanningShare], verdicts: Sequence[Verdict]) -> str:
     """The figures, and why scenes are wrong."""
-    rows = [[RATES[name], f"{s.right} / {s.n}", format_share(_to_figure(s))]
+    rows = [[RATES[name], f"{s.right} / {s.n}", format_share(s.to_json())]
             for name, s in shares.items()]  # fmt: skip
     reasons = Counter[str]()
     for each in verdicts:

@@ -28,7 +28,7 @@ import numpy as np
 from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import compute_interval
-from scenewright.evals.realism.scenes import SceneTracks
+from scenewright.evals.realism.sources import Stretch, clip
 from scenewright.evals.tables.likelihood import find_nearest_on
 from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks
 from scenewright.geometry.kinematics import compute_kinematics
@@ -255,8 +255,8 @@ def _compute_deviation(values: FloatArray) -> float:
 
 
 def match_windows(
-    scenes: Sequence[SceneTracks], windows: Sequence[SceneTracks], *, least: int
-) -> list[SceneTracks]:
+    scenes: Sequence[Stretch], windows: Sequence[Stretch], *, least: int
+) -> list[Stretch]:
     """Find for every scene a window with as many vehicles, cut to the scene's length.
 
     Where no window has as many, one whose number is nearest; of several, the one that was taken
@@ -276,19 +276,14 @@ def match_windows(
     return found
 
 
-def shorten_scene(scene: SceneTracks, length: float) -> SceneTracks:
+def shorten_scene(scene: Stretch, length: float) -> Stretch:
     """Cut a scene to its first seconds; agents with less than two samples are left out."""
-    users = []
-    for user in scene.users:
-        track = user.track
-        kept = int(np.floor((length - track.start) / track.step + 1e-6)) + 1
-        if kept > 1 and len(track.xy) > 1:
-            cut = replace(track, xy=track.xy[:kept], heading=track.heading[:kept])
-            users.append(replace(user, track=cut))
+    cut = ((user, clip(user.track, 0.0, length + 2e-6, fewest=2)) for user in scene.users)
+    users = (replace(user, track=track) for user, track in cut if track is not None)
     return replace(scene, users=tuple(users))
 
 
-def _list_starts(scene: SceneTracks) -> FloatArray:
+def _list_starts(scene: Stretch) -> FloatArray:
     """List when each vehicle is first seen [s], sorted."""
     first = [user.track.start for user in scene.users if user.shape.type == "vehicle"]
     return np.sort(np.array(first, dtype=np.float64))

@@ -13,7 +13,7 @@ not run from one end of its route to the other:
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from scenewright.evals.bootstrap import (
     compute_interval,
-    compute_ratio,
     draw_resamples,
     resample_ratio,
 )
@@ -153,18 +152,12 @@ def compute_gap(
     rng: np.random.Generator,
 ) -> Gap | None:
     """The gap of some agents to the normal ones; None where either is empty."""
-    ours, reference = _sum_by_scene(scores, reading), _sum_by_scene(normal, reading)
-    if not len(ours) or not len(reference):
+    if not scores or not normal:
         return None
-    (nll, again), (base, against) = (
-        (
-            float(total.sum() / count.sum()),
-            resample_ratio(total, count, draw_resamples(len(count), draws=draws, seed=rng)),
-        )
-        for total, count in (ours.T, reference.T)
-    )
+    nll, again, scenes = _resample_mean(scores, reading, draws=draws, rng=rng)
+    base, against, _ = _resample_mean(normal, reading, draws=draws, rng=rng)
     return Gap(
-        agents=len(scores), scenes=len(ours), nll=nll, normal=base,
+        agents=len(scores), scenes=scenes, nll=nll, normal=base,
         median=float(np.median([each.nll[reading] for each in scores])),
         s2r=(base - nll) / base, delta=(nll - base) / K,
         s2r_interval=compute_interval((against - again) / against),
@@ -172,12 +165,15 @@ def compute_gap(
     )  # fmt: skip
 
 
-def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
-    """[S, 2] sum of NLL and number of agents of each scene."""
-    found: dict[int, list[float]] = {}
-    for each in scores:
-        found.setdefault(each.scene, []).append(each.nll[reading])
-    return np.array([[sum(values), len(values)] for values in found.values()]).reshape(-1, 2)
+def _resample_mean(
+    scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
+) -> tuple[float, FloatArray, int]:
+    """Mean NLL, that of [draws] resamples of the scenes, and how many scenes there are."""
+    nll = np.array([each.nll[reading] for each in scores])
+    scene = np.unique([each.scene for each in scores], return_inverse=True)[1]
+    count = np.bincount(scene)
+    drawn = draw_resamples(len(count), draws=draws, seed=rng)
+    return float(nll.mean()), resample_ratio(np.bincount(scene, nll), count, drawn), len(count)
 
 
 ROLES: tuple[Role, ...] = ("foreground", "background")
@@ -247,16 +243,11 @@ def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
     normal = {kind: [each for each in normals if each.type == kind] for kind in CLASSES}
     references = []
     for reading, kind in product(READINGS, CLASSES):
-        total, count = _sum_by_scene(normal[kind], reading).T
-        drawn = draw_resamples(max(len(count), 1), draws=draws, seed=rng)
-        mean = compute_ratio(total, count, drawn)
-        if mean.value is not None and mean.low is not None and mean.high is not None:
-            scenes = len({each.scene for each in normal[kind]})
-            median = float(np.median([each.nll[reading] for each in normal[kind]]))
-            interval = (mean.low, mean.high)
-            references.append(
-                NormalScenes(kind, reading, scenes, mean.n, mean.value, interval, median)
-            )
+        if own := normal[kind]:
+            mean, again, scenes = _resample_mean(own, reading, draws=draws, rng=rng)
+            median = float(np.median([each.nll[reading] for each in own]))
+            interval = compute_interval(again)
+            references.append(NormalScenes(kind, reading, scenes, len(own), mean, interval, median))
     cells = []
     for backend, mine in scores.items():
         present = {each.group for each in mine}

@@ -11,14 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
 
-from scenewright.evals.realism.scenes import (
-    ClusterSample,
-    Distance,
-    SceneTracks,
-    compute_distance,
-    compute_wasserstein,
-)
+from scenewright.evals.bootstrap import compute_interval, draw_resamples
+from scenewright.evals.realism.sources import Stretch
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap
@@ -39,8 +36,80 @@ CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
 class ObservedTracks:
     """A scene with all that the checker measures in it."""
 
-    scene: SceneTracks
+    scene: Stretch
     seen: SceneObservation
+
+
+CELLS = 2048
+"""Cells of the histograms from which intervals are drawn; distances themselves are exact."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClusterSample:
+    """Values of one measure, in clusters that were drawn together (scenes, agents).
+
+    Attributes:
+        values: [N]; cluster: [N] number of the cluster that each belongs to.
+    """
+
+    values: FloatArray
+    cluster: NDArray[np.int64]
+
+    @classmethod
+    def join_parts(cls, parts: Iterable[Sequence[float] | FloatArray]) -> ClusterSample:
+        """Build a sample with one cluster from each part."""
+        arrays = [np.asarray(part, dtype=np.float64) for part in parts]
+        number = np.repeat(np.arange(len(arrays)), [len(array) for array in arrays])
+        return cls(np.concatenate([np.zeros(0), *arrays]), number)
+
+
+def compute_wasserstein(first: FloatArray, second: FloatArray) -> float | None:
+    """Compute the first Wasserstein distance of two samples, in the unit of their values.
+
+    How far on average a value has to move for the one to become the other. None where a sample is
+    empty.
+    """
+    return float(stats.wasserstein_distance(first, second)) if len(first) and len(second) else None
+
+
+@dataclass(frozen=True)
+class Distance:
+    """A Wasserstein distance with its sizes and a bootstrap interval.
+
+    Attributes:
+        value: in the unit of the measure; low, high: 95 % of the distances of resampled clusters.
+            Such distances come out a little larger than `value`: resampling adds its own noise.
+        n, n_reference: how many values; clusters: how many clusters on the side of n.
+    """
+
+    value: float
+    low: float
+    high: float
+    n: int
+    n_reference: int
+    clusters: int
+
+
+def compute_distance(
+    sample: ClusterSample, reference: ClusterSample, *, draws: int, rng: np.random.Generator
+) -> Distance | None:
+    """Compute the distance of two samples; clusters of both are resampled for the interval.
+
+    None where a sample is empty.
+    """
+    value = compute_wasserstein(sample.values, reference.values)
+    if value is None:
+        return None
+    edges = np.histogram_bin_edges(np.concatenate([sample.values, reference.values]), CELLS)
+    shares = []
+    for each in (sample, reference):
+        used, number = np.unique(each.cluster, return_inverse=True)
+        table = np.histogram2d(number, each.values, (np.arange(len(used) + 1), edges))[0]
+        drawn = draw_resamples(len(used), draws=draws, seed=rng) @ table
+        shares.append(np.cumsum(drawn, axis=1) / drawn.sum(axis=1, keepdims=True))
+    again = np.abs(shares[0] - shares[1]).sum(axis=1) * (edges[1] - edges[0])
+    clusters, sizes = len(np.unique(sample.cluster)), (len(sample.values), len(reference.values))
+    return Distance(value, *compute_interval(again), *sizes, clusters)
 
 
 @dataclass(frozen=True)
@@ -64,7 +133,7 @@ class ReferenceDistance:
 
 
 def observe_scenes(
-    scenes: Iterable[SceneTracks], *, intersection_map: IntersectionMap | None
+    scenes: Iterable[Stretch], *, intersection_map: IntersectionMap | None
 ) -> Iterator[ObservedTracks]:
     """Scenes with what the checker measures."""
     for scene in scenes:
@@ -106,7 +175,7 @@ def measure_scenes(scenes: Sequence[ObservedTracks], *, smoothing: float = 0.0) 
 
 
 def measure_motion(
-    scenes: Sequence[SceneTracks], *, smoothing: float = 0.0
+    scenes: Sequence[Stretch], *, smoothing: float = 0.0
 ) -> dict[tuple[str, str], ClusterSample]:
     """Speed, acceleration and jerk alone."""
     found = {}
@@ -123,10 +192,10 @@ def measure_motion(
     return found
 
 
-def isolate_agents(recordings: Iterable[Recording]) -> list[SceneTracks]:
+def isolate_agents(recordings: Iterable[Recording]) -> list[Stretch]:
     """Every agent of real tracks by itself, as far as it was seen; bicycles left out."""
     return [
-        SceneTracks((RoadUser(0, agent.track, agent.shape),))
+        Stretch((RoadUser(0, agent.track, agent.shape),))
         for recording in recordings
         for agent in recording.agents
         if agent.subtype != "bicycle" and len(agent.track.xy) > 1
@@ -139,13 +208,12 @@ def compare_with_reference(
     """Every measure against one reference."""
     for (measure, group), sample in ours.items():
         ref = reference[measure, group]
-        even = np.arange(ref.clusters) % 2 == 0
-        one, two = (ref.select(np.flatnonzero(half)) for half in (even, ~even))
+        even = ref.cluster % 2 == 0
         rng = np.random.default_rng(seed)
         yield ReferenceDistance(
             measure, group, named,
             distance=compute_distance(sample, ref, draws=draws, rng=rng),
-            halves=compute_wasserstein(one.values, two.values),
+            halves=compute_wasserstein(ref.values[even], ref.values[~even]),
             quantiles=_compute_quantiles(sample.values),
             reference_quantiles=_compute_quantiles(ref.values),
         )  # fmt: skip

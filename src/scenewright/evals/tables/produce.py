@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.errors import InputError
-from scenewright.evals.realism.scenes import SceneTracks, convert_scene, cut_scenes
+from scenewright.evals.realism.sources import convert_scene, cut_scenes
 from scenewright.evals.tables.diversity import (
     CorpusWindows,
     Spread,
@@ -30,12 +30,11 @@ from scenewright.evals.tables.reading import (
     Dataset,
     RobustnessRate,
     compute_robustness,
-    count_out_of_scope,
     find_commit,
     read_dataset,
 )
 from scenewright.intersections import load_map
-from scenewright.tools.track_io import Recording, load_recordings
+from scenewright.tools.track_io import load_recordings
 from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 MOST_WINDOWS = 150
@@ -121,7 +120,7 @@ def make_tables(
             "made by scenewright": manifest.get("scenewright"),
             "measured by scenewright": __version__,
             "commit": find_commit(),
-            "out of scope": count_out_of_scope(dataset),
+            "out of scope": sum(not row.scope for row in dataset.rows),
             "draws": draws,
             "seed of intervals": seed,
             "corpus": None if corpus is None else corpus.name,
@@ -180,9 +179,6 @@ def _compare_with_traffic(
     """What needs a corpus: how scenes move, and whether they differ enough."""
     known = load_map(place)
 
-    def cut(recordings: Sequence[Recording]) -> list[SceneTracks]:
-        return [scene for _, scene in cut_scenes(recordings, intersection_map=known) if scene.users]
-
     recordings = load_recordings(corpus, split="test")
     if not recordings:
         raise InputError(f"{corpus} holds no test hours")
@@ -191,7 +187,7 @@ def _compare_with_traffic(
     scenes = [convert_scene(scene) for _, scene in dataset.read_scenes(rows)]
     ours = list(observe_scenes(scenes, intersection_map=known))
     log("encounters in the corpus")
-    windows = cut(recordings)
+    windows = list(cut_scenes(recordings, intersection_map=known))
     whole = list(observe_scenes(_thin(windows, MOST_WINDOWS), intersection_map=known))
     draw = {"draws": draws, "seed": seed}
     near = list(
@@ -200,7 +196,8 @@ def _compare_with_traffic(
     if real is not None:
         log("encounters in real tracks")
         tracks = read_taf_bw(real).recordings
-        theirs = list(observe_scenes(_thin(cut(tracks), MOST_WINDOWS), intersection_map=None))
+        seen = _thin(list(cut_scenes(tracks, intersection_map=known)), MOST_WINDOWS)
+        theirs = list(observe_scenes(seen, intersection_map=None))
         # Real tracks are short: whole windows are few, so motion is that of every track.
         motion = measure_motion(isolate_agents(tracks), smoothing=ROUGH)
         reference, smooth = (

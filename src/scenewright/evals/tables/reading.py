@@ -129,8 +129,3 @@ def compute_robustness(dataset: Dataset) -> tuple[RobustnessRate, ...]:
             if rows
         ]
     return tuple(found)
-
-
-def count_out_of_scope(dataset: Dataset) -> int:
-    """Instructions that were refused as no request for a scene; they count under `given` alone."""
-    return sum(not row.scope for row in dataset.rows)

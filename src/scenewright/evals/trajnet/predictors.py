@@ -76,59 +76,43 @@ class Refining:
         step: float = 0.4,
     ) -> list[FloatArray]:
         """See `Predictor`."""
-        own = self.net.config.step
-        if step < own + 1e-6:
-            return self._predict_by_size(pasts, goals, due, PREDICTED)
+        own, last = self.net.config.step, OBSERVED - 1
+        longer = step > own + 1e-6
         given, wanted = (
-            compute_times_around_now(OBSERVED, before=OBSERVED - 1, step=s) for s in (step, own)
+            compute_times_around_now(OBSERVED, before=last, step=s) for s in (step, own)
         )
-        steps = int(np.ceil(PREDICTED * step / own - 1e-6))
-        ahead = self._predict_by_size(
-            [interpolate_at_times(past, given, wanted) for past in pasts],
-            goals,
-            None if due is None else due * step / own,
-            steps,
-        )
+        steps = int(np.ceil(PREDICTED * step / own - 1e-6)) if longer else PREDICTED
+        due = due if due is None or not longer else due * step / own
         drawn = compute_times_around_now(steps + 1, before=0, step=own)
-        wanted = compute_times_around_now(PREDICTED + 1, before=0, step=step)[1:]
-        return [
-            interpolate_at_times(np.concatenate((past[:, -1:], path), axis=1), drawn, wanted)
-            for past, path in zip(pasts, ahead, strict=True)
-        ]
+        later = compute_times_around_now(PREDICTED + 1, before=0, step=step)[1:]
+        aims: Sequence[FloatArray | None] = goals or [None] * len(pasts)
+        found = []
+        for past, goal in zip(pasts, aims, strict=True):
+            seen = interpolate_at_times(past, given, wanted) if longer else past
+            ahead = self._predict_scene(seen, goal, due, steps)
+            if longer:
+                whole = np.concatenate((past[:, -1:], ahead), axis=1)
+                ahead = interpolate_at_times(whole, drawn, later)
+            found.append(ahead)
+        return found
 
-    def _predict_by_size(
-        self,
-        pasts: Sequence[FloatArray],
-        goals: Sequence[FloatArray] | None,
-        due: float | None,
-        steps: int,
-    ) -> list[FloatArray]:
-        """[N, steps, 2] of each scene at the network's step, scenes of like size together."""
+    def _predict_scene(
+        self, past: FloatArray, goal: FloatArray | None, due: float | None, steps: int
+    ) -> FloatArray:
+        """[N, steps, 2] at the network's step."""
         import torch
 
         from scenewright.tools.trajnet_refiner.model import Scenes, predict
-        from scenewright.tools.trajnet_refiner.windows import group_by_size
 
-        found: dict[int, FloatArray] = {}
-        sizes = [len(past) for past in pasts]
-        device = next(self.net.parameters()).device
-        for group in group_by_size(sizes, agents=2048, rng=np.random.default_rng(0)):
-            chosen = [int(i) for i in group]
-            most = max(sizes[i] for i in chosen)
-            xy = np.full((len(chosen), most, OBSERVED, 2), np.nan)
-            goal = np.full((len(chosen), most, 2), np.nan)
-            centres = [pasts[i][:, -1].mean(axis=0) for i in chosen]
-            for b, (i, centre) in enumerate(zip(chosen, centres, strict=True)):
-                xy[b, : sizes[i]] = pasts[i] - centre
-                if goals is not None:
-                    goal[b, : sizes[i]] = goals[i] - centre
-            scenes = Scenes(
-                torch.from_numpy(xy.astype(np.float32)),
-                torch.zeros(xy.shape[:2], dtype=torch.long),
-                torch.from_numpy(goal.astype(np.float32)),
-                torch.full(xy.shape[:2], torch.nan if due is None else float(due)),
-            )
-            ahead = predict(self.net, scenes.to(device), steps=steps).xy.cpu().numpy()
-            for b, (i, centre) in enumerate(zip(chosen, centres, strict=True)):
-                found[i] = ahead[b, : sizes[i]].astype(np.float64) + centre
-        return [found[i] for i in range(len(pasts))]
+        count = len(past)
+        if not count:
+            return np.zeros((0, steps, 2))
+        centre = past[:, -1].mean(axis=0)
+        away = np.full((count, 2), np.nan) if goal is None else goal - centre
+        xy, aim = (
+            torch.from_numpy(each.astype(np.float32))[None] for each in (past - centre, away)
+        )
+        moment = torch.full((1, count), torch.nan if due is None else float(due))
+        scene = Scenes(xy, torch.zeros((1, count), dtype=torch.long), aim, moment)
+        ahead = predict(self.net, scene.to(next(self.net.parameters()).device), steps=steps).xy[0]
+        return np.asarray(ahead.cpu().numpy().astype(np.float64) + centre)

@@ -22,12 +22,14 @@ class BoostedTrees:
     """All trees, end to end; names are those of the file.
 
     Attributes:
-        start: log odds before any tree; root: [T] index of each tree's first node.
+        start: [C] log odds of each class before any tree; owner: [T] class that a tree adds to.
+        root: [T] index of each tree's first node.
         feature: [N] feature tested, -1 in leaves; limit: [N] at or below it goes left; left, right:
             [N] index of the next node; value: [N] of leaves.
     """
 
     start: FloatArray
+    owner: IntArray
     root: IntArray
     feature: IntArray
     limit: FloatArray
@@ -35,11 +37,9 @@ class BoostedTrees:
     right: IntArray
     value: FloatArray
 
-    def find_values(self, values: FloatArray) -> FloatArray:
-        """[N, T] the value of the leaf of every tree that each row of features [N, F] comes to."""
-        return np.asarray(self.value[
-            _find_leaves(values, self.root, self.feature, self.limit, self.left, self.right)
-        ])  # fmt: skip
+    def score(self, values: FloatArray) -> FloatArray:
+        """[N, C] log odds of the classes of rows of features [N, F]."""
+        return _add_leaves(values, *(getattr(self, each.name) for each in fields(BoostedTrees)))
 
     @classmethod
     def load(cls, file: Path, *, names: tuple[str, ...], what: str) -> Self:
@@ -65,16 +65,17 @@ class BoostedTrees:
 
 
 @compiled
-def _find_leaves(
-    values: FloatArray, root: IntArray, feature: IntArray, limit: FloatArray, left: IntArray,
-    right: IntArray,
-) -> IntArray:  # fmt: skip
-    """[N, T] the leaf of every tree that each row of features [N, F] comes to."""
-    leaf = np.empty((len(values), len(root)), np.intp)
+def _add_leaves(
+    values: FloatArray, start: FloatArray, owner: IntArray, root: IntArray, feature: IntArray,
+    limit: FloatArray, left: IntArray, right: IntArray, value: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """[N, C] `start` and, of every tree, the leaf that each row of features [N, F] comes to."""
+    total = np.empty((len(values), len(start)))
     for n in range(len(values)):
+        total[n] = start
         for t in range(len(root)):
             node = root[t]
             while feature[node] >= 0:
                 node = left[node] if values[n, feature[node]] <= limit[node] else right[node]
-            leaf[n, t] = node
-    return leaf
+            total[n, owner[t]] += value[node]
+    return total

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -185,13 +186,30 @@ class SceneCase:
     scene: str
     id: str
     record: SceneRecord
-    labels: Labels
+    proof: Proof
     named: str | None = None
 
     @property
     def code(self) -> str:
         """Hash of the id."""
         return hash_scene(self.id)
+
+    @cached_property
+    def labels(self) -> Labels:
+        """The truth; events between background agents count like any others."""
+        agents = self.record.agents
+        codes = hash_agents(self.id, (agent.id for agent in agents))
+        found = [
+            PairRelation(event.type, codes[event.from_], codes[event.to], event.time)
+            for event in (*self.proof.events, *self.proof.incidental)
+            if event.type in RELATIONS
+        ]
+        return Labels(
+            exits={codes[agent.id]: agent.exit for agent in agents},
+            types={codes[agent.id]: agent.type for agent in agents},
+            starts={codes[agent.id]: agent.spawn_time for agent in agents},
+            relations=tuple(sorted(found, key=lambda each: each.key)),
+        )
 
 
 def assign_split(scene: str) -> Split:
@@ -230,9 +248,7 @@ def read_case(folder: Path) -> SceneCase:
     record, proof = load_scene(folder), read_proof(folder / "proof.json")
     types = {event.type for event in proof.events}
     named = next((kind for kind in RELATIONS if kind in types), None)
-    return SceneCase(
-        folder.name, folder.name, record, extract_labels(record, proof, scene=folder.name), named
-    )  # fmt: skip
+    return SceneCase(folder.name, folder.name, record, proof, named)
 
 
 def is_foreseeable(case: SceneCase) -> bool:
@@ -286,19 +302,3 @@ class Labels:
     types: Mapping[str, AgentClass]
     starts: Mapping[str, float]
     relations: tuple[PairRelation, ...]
-
-
-def extract_labels(record: SceneRecord, proof: Proof, *, scene: str) -> Labels:
-    """Extract the labels of a scene; events between background agents count like any others."""
-    codes = hash_agents(scene, (agent.id for agent in record.agents))
-    found = [
-        PairRelation(event.type, codes[event.from_], codes[event.to], event.time)
-        for event in (*proof.events, *proof.incidental)
-        if event.type in RELATIONS
-    ]
-    return Labels(
-        exits={codes[agent.id]: agent.exit for agent in record.agents},
-        types={codes[agent.id]: agent.type for agent in record.agents},
-        starts={codes[agent.id]: agent.spawn_time for agent in record.agents},
-        relations=tuple(sorted(found, key=lambda each: each.key)),
-    )

@@ -19,14 +19,12 @@ import numpy as np
 from scenewright.evals.understanding.cases import (
     RELATIONS,
     SceneCase,
-    extract_labels,
     hash_scene,
     read_case,
 )
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
-from scenewright.graph.written_proof import read_proof
 from scenewright.scene.base import RIDERS, FloatArray
-from scenewright.scene.events import Event, Proof
+from scenewright.scene.events import Event
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker import (
     build_trajectories,
@@ -80,7 +78,6 @@ class ClipSource:
     """
 
     case: SceneCase
-    proof: Proof
     events: tuple[ForeseenEvent, ...]
     named: ForeseenEvent | None
     spans: dict[int, tuple[float, float]]
@@ -94,9 +91,9 @@ def read_source(folder: Path) -> ClipSource:
     Raises:
         InputError: a file is missing or is not what it should be.
     """
-    case, proof = read_case(folder), read_proof(folder / "proof.json")
+    case = read_case(folder)
     tracks = {track.id: track for track in build_trajectories(read_users(case.record))}
-    found = [e for e in (*proof.events, *proof.incidental) if e.type in RELATIONS]
+    found = [e for e in (*case.proof.events, *case.proof.incidental) if e.type in RELATIONS]
     foreseen = []
     for event in found:
         # It can be seen coming from a path TTC below 3 s, or from slowing for it.
@@ -109,7 +106,7 @@ def read_source(folder: Path) -> ClipSource:
             decided = min([decided, *times[ttc < THREAT][:1].tolist()])
         foreseen.append(ForeseenEvent(event, decided))
     events = tuple(foreseen)
-    asked = [e for e in events if e.event in proof.events]
+    asked = [e for e in events if e.event in case.proof.events]
     named = min(asked, key=lambda e: RELATIONS.index(e.event.type), default=None)
     spans = {k: (float(t.times[0]), float(t.times[-1])) for k, t in tracks.items()}
     near = []
@@ -119,7 +116,7 @@ def read_source(folder: Path) -> ClipSource:
             apart = np.hypot(*(one.at(times)[0] - two.at(times)[0]).T)
             if (apart < NEAR).any():
                 near.append((one.id, two.id, times[apart < NEAR]))
-    return ClipSource(case, proof, events, named, spans, tuple(near))
+    return ClipSource(case, events, named, spans, tuple(near))
 
 
 def list_event_starts(source: ClipSource) -> list[float]:
@@ -246,6 +243,5 @@ def cut_clip(source: ClipSource, start: float, named: str | None = None) -> Scen
         for each in source.events
         if start <= each.event.time <= start + LENGTH
     ]
-    proof = source.proof.model_copy(update={"events": tuple(shifted), "incidental": ()})
-    labels = extract_labels(cut, proof, scene=name)
-    return replace(case, id=name, record=cut, labels=labels, named=named)
+    proof = case.proof.model_copy(update={"events": tuple(shifted), "incidental": ()})
+    return replace(case, id=name, record=cut, proof=proof, named=named)

@@ -45,11 +45,11 @@ _AHEAD = (5.0, 12.0, 20.0)
 
 
 class ExitModel(BoostedTrees):
-    """The trees, of which `start` has one entry."""
+    """The trees, which have one class."""
 
     def weigh(self, values: FloatArray) -> FloatArray:
         """[N] probabilities of the exits of one agent, which sum to one."""
-        odds = expit(self.start[0] + self.find_values(values).sum(axis=1))
+        odds = expit(self.score(values)[:, 0])
         return np.asarray(odds / odds.sum())
 
 

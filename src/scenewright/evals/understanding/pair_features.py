@@ -1,135 +1,112 @@
-"""Features of a pair of agents, computed from their futures for the calibration."""
+"""Features of a pair of agents, computed from their futures for the calibration.
+
+The share of a few dozen futures that touch says little of the probability that two agents would, as
+only a handful of them has the same two maneuvers. So for these the stretch that the two swept paths
+share is found (SEMANTICS section 4, conflict zone), and the two stays in it are compared.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
+from scenewright.compiled import compiled
+from scenewright.evals.understanding.boosted_trees import IntArray
 from scenewright.evals.understanding.cases import ObservedAgent
-from scenewright.evals.understanding.forecast import (
-    DT,
-    TICKS,
-    AgentForecast,
-    BoolArray,
-    SceneForecast,
-    find_weighted_quantile,
-)
-from scenewright.evals.understanding.interaction_graph import (
-    CLOSE,
-    NEVER,
-    AgentPair,
-    InteractionGraph,
-    TimeGaps,
-    build_interaction_graph,
-)
-from scenewright.evals.understanding.zone_features import (
-    IN_ZONE,
-    OF_ZONE,
-    compute_median,
-    compute_zone_features,
-)
+from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, BoolArray
+from scenewright.evals.understanding.route_components import interpolate_points, interpolate_rows
+from scenewright.evals.understanding.time_gaps import TimeGaps, compute_time_gaps
 from scenewright.scene.base import FloatArray
 
-OF_BOTH = ("at_once", "close", "within_1", "within_2", "within_3", "alone_1", "best", "best_share",
-           "touch", "wide", "wide_share", "soon", "angle", "rank", "window", *OF_ZONE)  # fmt: skip
-"""Shares of futures in which the two touch if one of them came 0.3, 0.6, 1.1, 2.1 or 3.1 s earlier
-or later, by beliefs; 1.1 s by posteriors alone; of the pair of maneuvers that conflicts most: how
-often, the probability of that pair, the share of contacts as it is, when [s] and at which angle
-[rad]; by how much more this pair conflicts than any other of the scene; the window [s]; and of the
-zone of those maneuvers, as in `zone_features`."""
-OF_EACH = ("first", "undelayed_0", "undelayed_1", "undelayed_2", "delay", "delay_least", "speed",
-           "lost", "gain", "gain_2", "stood", "walks", "held", "runs", "own", "own_alone",
-           "straight", "jaywalks", "slowed", "known", "reach", "needs", "busy",
-           "cause", "left", "right", "length", "line_needs", "line_late",
+LIMITS, CLOSE = (0.3, 0.6, 1.1, 2.1, 3.1), 1.1
+"""Time gaps [s] up to which futures are counted; below `CLOSE` two conflict."""
+OF_ZONE = ("offset", "offset_spread")
+"""Median distance of the stays, middle to middle, in units of half of both together (below 1 they
+overlap); standard deviation of the time from middle to middle [s]."""
+IN_ZONE = ("lead", "zone", "zone_in", "zone_for", "zone_needs", "decides")
+"""By how much earlier than the other it is there, middle to middle [s]; distance until it enters
+[m], when that is, and for how long it stays [s]; the braking that stops it before [m/s^2]; time
+left until it would have to begin to brake comfortably [s]."""
+OF_BOTH = ("at_once", "close", "within_1", "within_2", "within_3", "likely", "share", "soon",
+           "angle", "window", *OF_ZONE)  # fmt: skip
+"""Shares of futures in which the two touch if one of them came as much as `LIMITS` earlier or
+later; of the pair of maneuvers that conflicts most: how likely it is, how often it conflicts, when
+[s] and at which angle [rad]; the window [s]; and of the zone of those maneuvers `OF_ZONE`."""
+OF_EACH = ("first", "own", "busy", "delay", "speed", "lost", "gain", "gain_2", "stood", "walks",
+           "held", "line", "straight", "left", "right", "jaywalks", "known", "length",
            *IN_ZONE)  # fmt: skip
-"""Whether it passes first within 3 s; whether it would have come within 0.3, 1 or 2 s of the other
-had it not slowed down; by how much it is slower than its route demands, median and least [m/s];
-speed, loss of speed since its maximum [m/s], acceleration over 0.7 and 2 s [m/s^2]; how long it has
-been stationary [s]; whether a pedestrian; held at red; ignoring a stop; the probability of its
-maneuver, by beliefs and by the posterior alone; straight on; off a crosswalk; has slowed down;
-observed for [s]; distance to the conflict [m] and the braking that stops it before [m/s^2]; how
-much it conflicts with any other agent; how much it would have, had it not slowed down; probability
-of a left or right turn; length [m]; the braking that stops it at its line [m/s^2], and the
-probability that this is more than usual; its stay in the zone, as in `zone_features`."""
+"""Whether it passes first within 3 s; the probability of its maneuver; how much it conflicts with
+any other agent; by how much it is slower than its route demands, median [m/s]; speed, loss of speed
+since its maximum [m/s], acceleration over 0.7 and 2 s [m/s^2]; how long it has been stationary [s];
+whether a pedestrian; the probability that its light is not green, and the mean distance to that
+line [m]; the probability of each movement; observed for [s]; length [m]; and its stay in the zone,
+`IN_ZONE`."""
 NAMES = (*OF_BOTH, *(f"{name}_a" for name in OF_EACH), *(f"{name}_b" for name in OF_EACH))
 """Names of the features; a calibration is for these."""
 _TRUST = 0.3
 """A pair of maneuvers counts by its share of conflicts times its own probability to this power, as
 accidents happen on rare maneuvers."""
-_FAR = 60.0
-_SLACK, _BRAKES = 0.3, 2.5
-"""Accuracy of the position of stops [m]; braking for a light is usually softer [m/s^2]."""
+_STEP = 0.75
+_GRID = np.arange(0.0, 75.0, _STEP)
+"""Points along a path that are compared [m from the agent]."""
+_LONGEST = int(5.0 / _STEP)
+"""Of a shared lane only the first 5 m belong to the zone, in steps of the grid."""
+_ROWS = 16
+"""Futures of a pair that are compared, at most."""
+_ROOM, _BRAKING = 0.8, 2.2
+"""Distance to the zone at which agents stop [m], and comfortable braking [m/s^2]."""
+NONE = ((9.0, 9.0), (0.0, 60.0, 20.0, 20.0, 0.0, 20.0))
+"""`OF_ZONE`, and `IN_ZONE` of each, where their paths do not overlap."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Conflict:
-    """The pair of maneuvers in which two agents conflict most, and when and where."""
+class _Conflict(NamedTuple):
+    """The pair of maneuvers in which two agents conflict most; how often, when and how."""
 
-    score: float = 0.0
-    share_of_conflicts: float = 0.0
-    probability: float = 0.0
-    touch: float = 0.0
+    maneuvers: tuple[int, int] = (-1, -1)
+    likely: float = 0.0
+    share: float = 0.0
     soon: float = 20.0
     angle: float = 0.0
-    maneuvers: tuple[int, int] = (-1, -1)
-    reach: tuple[float, float] = (_FAR, _FAR)
-
-
-@dataclass(frozen=True, eq=False)
-class _AgentFeatures:
-    """What has to do with no other agent.
-
-    Attributes:
-        values: `delay` to `walks` of `OF_EACH`; turns: by movement, which futures make it.
-        line: `line_needs` and `line_late` of `OF_EACH`.
-    """
-
-    values: Sequence[float]
-    turns: Mapping[str, BoolArray]
-    line: Sequence[float]
-
-
-@dataclass(frozen=True, eq=False)
-class _SceneFeatures:
-    """What is known of all pairs before any of them is described.
-
-    Attributes:
-        worst: the conflict of each pair; busy: how much each pair conflicts; cause: how much the
-            first would have conflicted with the second, had it not slowed down; agents: of each
-            agent, what has to do with no other.
-    """
-
-    forecast: SceneForecast
-    graph: InteractionGraph
-    window: float
-    worst: Mapping[AgentPair, _Conflict]
-    busy: Mapping[AgentPair, float]
-    cause: Mapping[AgentPair, float]
-    agents: Sequence[_AgentFeatures]
 
 
 def compute_pair_features(
-    forecast: SceneForecast, window: float
+    futures: Sequence[AgentForecast], window: float
 ) -> tuple[list[tuple[str, str]], FloatArray]:
     """Describe every pair with a vehicle in it whose futures come near: ids, and [N, F] `NAMES`."""
-    graph = build_interaction_graph(forecast)
-    pairs = sorted({(min(pair), max(pair)) for pair in (*graph.gaps, *graph.unslowed_gaps)})
-    worst = {pair: _find_conflict(forecast, graph, pair, within=0.3) for pair in pairs}
-    busy = {
-        pair: _weigh_jointly(graph, pair)[np.abs(graph.gaps[pair].gap) <= CLOSE].sum()
-        for pair in pairs
-        if pair in graph.gaps
+    gaps = {
+        (i, j): found
+        for (i, one), (j, two) in combinations(enumerate(futures), 2)
+        if (one.agent.is_vehicle or two.agent.is_vehicle)
+        and (found := compute_time_gaps(one, two)) is not None
     }
-    cause = {
-        pair: _share_within(gaps, graph.beliefs[pair] * graph.beliefs[pair[::-1]], 2.1)
-        for pair, gaps in graph.unslowed_gaps.items()
-    }
-    agents = [_describe_alone(forecast, n) for n in range(len(forecast.agents))]
-    scene = _SceneFeatures(forecast, graph, window, worst, busy, cause, agents)
-    values = np.array([_describe_pair(scene, pair) for pair in pairs]).reshape(-1, len(NAMES))
-    return [(forecast.agents[i].id, forecast.agents[j].id) for i, j in pairs], values
+    joint = {(i, j): futures[i].weight * futures[j].weight for i, j in gaps}
+    weights = {pair: weight / weight.sum() for pair, weight in joint.items()}
+    busy = {p: float(weights[p][np.abs(gaps[p].gap) <= CLOSE].sum()) for p in gaps}
+    maneuvers = []
+    for future in futures:
+        _, exits = np.unique([r.exit for r in future.components.routes], return_inverse=True)
+        maneuvers.append(exits[future.component])
+    alone = [_describe_alone(future, window) for future in futures]
+    rows = []
+    for pair, known in gaps.items():
+        gap, weight, both = known.gap, weights[pair], [futures[n] for n in pair]
+        most = _find_conflict(known, both, [maneuvers[n] for n in pair])
+        taken = [maneuvers[n] == which for n, which in zip(pair, most.maneuvers, strict=True)]
+        zone, *stays = compute_zone_features(both[0], both[1], taken[0] & taken[1])
+        row = [*(float(weight[np.abs(gap) <= limit].sum()) for limit in LIMITS), *most[1:], window]
+        row += zone
+        for n, later, own, stay in zip(pair, (gap, -gap), taken, stays, strict=True):
+            others = (x for p, x in busy.items() if n in p and p != pair)
+            row += [
+                float(weight[(later < -0.3) & (later >= -3.1)].sum()),
+                float(futures[n].weight[own].sum()), max(others, default=0.0), *alone[n], *stay,
+            ]  # fmt: skip
+        rows.append(row)
+    ids = [(futures[i].agent.id, futures[j].agent.id) for i, j in gaps]
+    return ids, np.array(rows, dtype=np.float64).reshape(-1, len(NAMES))
 
 
 def mirror_features(values: FloatArray) -> FloatArray:
@@ -138,141 +115,125 @@ def mirror_features(values: FloatArray) -> FloatArray:
     return np.concatenate([values[..., :n], values[..., n + m :], values[..., n : n + m]], axis=-1)
 
 
-def _describe_pair(scene: _SceneFeatures, pair: AgentPair) -> list[float]:
-    forecast, graph, (i, j) = scene.forecast, scene.graph, pair
-    weight, worst = _weigh_jointly(graph, pair), scene.worst[pair]
-    wide = _find_conflict(forecast, graph, pair, within=CLOSE)
-    alone = forecast.futures[i].weight * forecast.futures[j].weight
-    gap = graph.gaps[pair].gap if pair in graph.gaps else np.full(len(weight), NEVER)
-    others = max((each.score for p, each in scene.worst.items() if p != pair), default=0.0)
-    both = [
-        *(float(weight[np.abs(gap) <= limit].sum()) for limit in (0.3, 0.6, CLOSE, 2.1, 3.1)),
-        float(alone[np.abs(gap) <= CLOSE].sum() / alone.sum()),
-        worst.share_of_conflicts, worst.probability, worst.touch, wide.share_of_conflicts,
-        wide.probability, min(wide.soon, 20.0), wide.angle, worst.score - others, scene.window,
-    ]  # fmt: skip
-    most = (wide if wide.score else worst).maneuvers
-    mine = (graph.maneuvers[i] == most[0]) & (graph.maneuvers[j] == most[1])
-    one, two = ((forecast.agents[n], forecast.futures[n]) for n in pair)
-    shared, *in_zone = compute_zone_features(one, two, mine)
-    a, b = (
-        _describe_agent(scene, pair, which, sign * gap, weight, worst, wide)
-        for which, sign in ((0, 1), (1, -1))
-    )
-    return [*both, *shared, *a, *in_zone[0], *b, *in_zone[1]]
-
-
-def _describe_alone(forecast: SceneForecast, n: int) -> _AgentFeatures:
-    future, agent = forecast.futures[n], forecast.agents[n]
-    routes, v = forecast.posteriors[n].components.routes, float(agent.speed[-1])
-    movement = np.array([route.movement for route in routes])[future.component]
-    least_delay = find_weighted_quantile(future.free, future.weight, 0.1) - v
-    values = (
-        float(forecast.delay[n]), least_delay, v, float(agent.speed.max()) - v,
-        agent.measure_acceleration(8), agent.measure_acceleration(20), agent.standstill,
-        float(not agent.is_vehicle),
-    )  # fmt: skip
-    turns = {turn: movement == turn for turn in ("straight", "jaywalking", "left", "right")}
-    needs = np.where(np.isfinite(future.stop), v**2 / (2.0 * (future.stop + _SLACK)), 0.0)
-    line = (
-        float(np.minimum(needs, 12.0) @ future.weight),
-        float((needs > _BRAKES) @ future.weight),
-    )
-    return _AgentFeatures(values, turns, line)
-
-
-def _describe_agent(
-    scene: _SceneFeatures,
-    pair: AgentPair,
-    which: int,
-    gap: FloatArray,
-    weight: FloatArray,
-    worst: _Conflict,
-    wide: _Conflict,
-) -> list[float]:
-    """`OF_EACH` of one of the two; `gap` is negative where this one comes first."""
-    n, m = pair if which == 0 else pair[::-1]
-    forecast, graph = scene.forecast, scene.graph
-    future, agent = forecast.futures[n], forecast.agents[n]
-    late, belief = graph.unslowed_gaps.get((n, m)), graph.beliefs[n, m]
-    slowed = forecast.unslowed[n] is not future
-    part, own = (
-        graph.maneuvers[n] == (worst if worst.score else wide).maneuvers[which],
-        scene.agents[n],
-    )
-    reach = wide.reach[which]
-    if slowed and late is not None:
-        reach = _measure_reach(forecast.unslowed[n], late, agent, np.abs(late.gap) <= 2.1, reach)
-    v, taken = float(agent.speed[-1]), future.weight * part
+def _describe_alone(future: AgentForecast, window: float) -> list[float]:
+    """`delay` to `length` of `OF_EACH`."""
+    agent, weight = future.agent, future.weight
+    v, free = float(agent.speed[-1]), future.free
+    movement = np.array([r.movement for r in future.components.routes])[future.component]
     return [
-        float(weight[(gap < -0.3) & (gap >= -3.1)].sum()),
-        *(_share_within(late, weight, limit) for limit in (0.3, 1.0, 2.1)),
-        *own.values, float(belief[future.held].sum()),
-        float(belief[future.runs].sum()), float(belief[part].sum()),
-        float(future.weight[part].sum()),
-        float(belief[own.turns["straight"]].sum()),
-        float(belief[own.turns["jaywalking"]].sum()), float(slowed),
-        scene.window - agent.start, reach,
-        min(v * v / (2.0 * max(reach - agent.length / 2 - 0.5, 0.5)), 12.0),
-        max((x for p, x in scene.busy.items() if n in p and p != pair), default=0.0),
-        max((x for (p, q), x in scene.cause.items() if p == n and q != m), default=0.0),
-        *(float(taken[own.turns[turn]].sum() / max(float(taken.sum()), 1e-9))
-          for turn in ("left", "right")),
-        agent.length, *own.line,
+        float(np.quantile(free - v, 0.5, weights=weight, method="inverted_cdf")), v,
+        float(agent.speed.max()) - v, agent.measure_acceleration(8),
+        agent.measure_acceleration(20), agent.standstill, float(not agent.is_vehicle),
+        float(weight[future.held].sum()), float(weight @ np.minimum(future.line, 60.0)),
+        *(float(weight[movement == turn].sum())
+          for turn in ("straight", "left", "right", "jaywalking")),
+        window - agent.start, agent.length,
     ]  # fmt: skip
-
-
-def _weigh_jointly(graph: InteractionGraph, pair: AgentPair) -> FloatArray:
-    """[K] probability of the futures of the two together."""
-    weight = graph.beliefs[pair] * graph.beliefs[pair[::-1]]
-    return np.asarray(weight / weight.sum())
-
-
-def _share_within(gaps: TimeGaps | None, weight: FloatArray, limit: float) -> float:
-    if gaps is None:
-        return 0.0
-    return float(weight[np.abs(gaps.gap) <= limit].sum() / weight.sum())
 
 
 def _find_conflict(
-    forecast: SceneForecast, graph: InteractionGraph, pair: AgentPair, *, within: float
+    gaps: TimeGaps, futures: Sequence[AgentForecast], maneuvers: Sequence[IntArray]
 ) -> _Conflict:
-    """The pair of maneuvers with the highest score among futures with gaps `within` [s]."""
-    gaps, (i, j) = graph.gaps.get(pair), pair
-    if gaps is None:
-        return _Conflict()
-    hit = np.abs(gaps.gap) <= within
-    if not hit.any():
-        return _Conflict()
-    one, two = graph.maneuvers[i], graph.maneuvers[j]
+    """The pair of maneuvers of two with the highest score among futures that conflict."""
+    hit, (one, two) = np.abs(gaps.gap) <= CLOSE, maneuvers
     wide = int(two.max()) + 1
     both = one * wide + two
     count = np.bincount(both)
-    conflicts = np.bincount(both, hit) / np.maximum(count, 1)
+    share = np.bincount(both, hit) / np.maximum(count, 1)
+    of_one, of_two = map(np.bincount, maneuvers, (future.weight for future in futures))
     codes = np.arange(len(count))
-    share_a = np.bincount(one, graph.beliefs[i, j])
-    share_b = np.bincount(two, graph.beliefs[j, i])
-    probability = share_a[codes // wide] * share_b[codes % wide]
-    score = np.where(count >= 2, conflicts * probability**_TRUST, 0.0)
+    likely = of_one[codes // wide] * of_two[codes % wide]
+    score = np.where(count >= 2, share * likely**_TRUST, 0.0)
     top = int(score.argmax())
     if score[top] <= 0.0:
         return _Conflict()
     mine = (both == top) & hit
-    a, b = (_measure_reach(forecast.futures[n], gaps, forecast.agents[n], mine, _FAR) for n in pair)
+    when, angle = (float(np.median(x[mine])) for x in (gaps.time, gaps.angle))
     return _Conflict(
-        float(score[top]), float(conflicts[top]), float(probability[top]),
-        float((gaps.gap[both == top] == 0.0).mean()), compute_median(gaps.time[mine]),
-        compute_median(gaps.angle[mine]), (top // wide, top % wide), (a, b),
-    )  # fmt: skip
+        (top // wide, top % wide), float(likely[top]), float(share[top]), min(when, 20.0), angle
+    )
 
 
-def _measure_reach(
-    future: AgentForecast, gaps: TimeGaps, agent: ObservedAgent, mine: BoolArray, default: float
-) -> float:
-    """Median distance from the agent to the conflict [m]."""
-    rows = np.flatnonzero(mine)
+def compute_zone_features(
+    one: AgentForecast, two: AgentForecast, mine: BoolArray
+) -> tuple[list[float], list[float], list[float]]:
+    """Compute `OF_ZONE`, and `IN_ZONE` of either agent, from futures `mine` [K]."""
+    rows, nothing = np.flatnonzero(mine), (list(NONE[0]), list(NONE[1]), list(NONE[1]))
     if not len(rows):
-        return default
-    ticks = np.clip(np.round(gaps.time[rows] / DT).astype(np.intp), 0, TICKS - 1)
-    away = future.xy[rows, ticks] - agent.xy[-1]
-    return compute_median(np.hypot(away[:, 0], away[:, 1]))
+        return nothing
+    rows = rows[:: -(-len(rows) // _ROWS)]
+    s, places = [], []
+    for future in (one, two):
+        # [N, T] distance by tick [m], rising; [N, G, 2] points of the grid.
+        xy = future.xy[rows]
+        steps = np.hypot(*np.moveaxis(np.diff(xy, axis=1), -1, 0)) + 1e-6
+        s.append(np.pad(np.cumsum(steps, axis=1), ((0, 0), (1, 0))))
+        grid = np.broadcast_to(_GRID, (len(rows), len(_GRID)))
+        places.append(interpolate_points(grid, s[-1], xy))
+    wide = ((one.agent.width + two.agent.width) / 2 + 0.05) ** 2
+    on_map = [(each[:, -1:] >= _GRID).sum(axis=1) for each in s]
+    near = _find_overlap(places[0], places[1], on_map[0], on_map[1], wide)
+    found = near[0].any(axis=1)
+    if not found.any():
+        return nothing
+    (ahead_a, in_a, out_a), (ahead_b, in_b, out_b) = (
+        _find_stay(future.agent, along[found], inside[found])
+        for future, along, inside in zip((one, two), s, near, strict=True)
+    )
+    lead = (in_b + out_b - in_a - out_a) / 2
+    half = np.maximum((out_a - in_a + out_b - in_b) / 2, 0.05)
+    first = float(np.median(lead))
+    both = [float(np.median(np.abs(lead) / half)), float(lead.std())]
+    stays = []
+    for agent, earlier, ahead, begins, ends in (
+        (one.agent, first, ahead_a, in_a, out_a), (two.agent, -first, ahead_b, in_b, out_b)
+    ):  # fmt: skip
+        v, way = float(agent.speed[-1]), float(np.median(ahead))
+        room = max(way - _ROOM, 0.3)
+        left = (room - v * v / (2.0 * _BRAKING)) / max(v, 0.5)
+        stays.append([
+            earlier, way, float(np.median(begins)), float(np.median(ends - begins)),
+            min(v * v / (2.0 * room), 12.0), float(np.clip(left, -5.0, 20.0)),
+        ])  # fmt: skip
+    return both, stays[0], stays[1]
+
+
+@compiled
+def _find_overlap(
+    one: FloatArray, two: FloatArray, length_one: IntArray, length_two: IntArray, wide: float
+) -> tuple[BoolArray, BoolArray]:
+    """[N, G] which points of either path lie near one of the other's.
+
+    Args:
+        one, two: [N, G, 2] points [m]; length_one, length_two: [N] how many of them count.
+        wide: squared distance below which points are near [m^2].
+    """
+    in_one, in_two = np.zeros(one.shape[:2], np.bool_), np.zeros(two.shape[:2], np.bool_)
+    for n in range(len(one)):
+        for p in range(length_one[n]):
+            for q in range(length_two[n]):
+                dx, dy = one[n, p, 0] - two[n, q, 0], one[n, p, 1] - two[n, q, 1]
+                if dx * dx + dy * dy < wide:
+                    in_one[n, p] = in_two[n, q] = True
+    return in_one, in_two
+
+
+def _find_stay(
+    agent: ObservedAgent, s: FloatArray, near: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """[N] distance to the zone [m]; [N] entry and exit [s from now].
+
+    The zone is from the first point near the other path to the last one connected to it.
+    """
+    first = near.argmax(axis=1)
+    broken = ~near & (np.arange(near.shape[1]) > first[:, None])
+    last = np.where(broken.any(axis=1), broken.argmax(axis=1) - 1, near.shape[1] - 1)
+    last = np.minimum(last, first + _LONGEST)
+    # A row of discs, as wide as the path that it sweeps; the zone ends between two points.
+    reach = (agent.length - agent.width + _STEP) / 2
+    begins, ends = _GRID[first] - reach, _GRID[last] + reach
+    ticks = np.broadcast_to(DT * np.arange(TICKS), s.shape)
+    speed = max(float(agent.speed[-1]), 0.5)
+    in_, out = (interpolate_rows(at[:, None], s, ticks)[:, 0] for at in (begins, ends))
+    # An agent inside the zone is taken to have entered it at its present speed.
+    return begins, np.where(begins < 0.0, begins / speed, in_), out

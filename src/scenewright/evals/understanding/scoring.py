@@ -9,8 +9,9 @@ of `normal`, and those events are listed as `later`; `strict` counts them as mis
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -74,62 +75,52 @@ def read_predictions(
         except ValidationError as error:
             raise InputError(f"{where}: {describe_misfit(error, 'row')[:_LONGEST]}") from error
         key = (row.scene, row.window)
-        if key not in observations:
-            known = any(scene == row.scene for scene, _ in observations)
-            what = f"window {row.window:g}" if known else f"scene {_shorten(row.scene)}"
-            raise InputError(f"{where}: there is no {what} in what is scored")
+        for fault in _list_faults(row, observations, sides):
+            raise InputError(f"{where}: {fault}")
         if key in found:
             raise InputError(f"{where}: a second row for scene {row.scene} at {row.window:g} s")
-        found[key] = _check_row(row, observations[key], sides, where)
+        found[key] = ScenePrediction(row.exits, row.relations)
     if not found:
         raise InputError(f"{file} holds no predictions")
-    _check_complete(file, found, observations)
-    return found
-
-
-def _check_row(
-    row: PredictionRow, observation: ObservedScene, sides: tuple[str, ...], where: str
-) -> ScenePrediction:
-    """The row's prediction, if it speaks of agents and sides that exist."""
-    relations = row.relations or ()
-    for agent in (*(row.exits or ()), *(a for r in relations for a in (r.from_, r.to))):
-        if agent not in observation.ids:
-            raise InputError(f"{where}: no agent {_shorten(agent)} was seen in that scene by then")
-    for side in (row.exits or {}).values():
-        if side not in sides:
-            raise InputError(f"{where}: exit {_shorten(side)} is none of {', '.join(sides)}")
-    for each in relations:
-        if each.from_ == each.to:
-            raise InputError(f"{where}: {each.type} of {each.from_} with itself")
-    if len({r.key for r in relations}) < len(relations):
-        raise InputError(f"{where}: one relation twice")
-    return ScenePrediction(row.exits, row.relations)
-
-
-def _shorten(text: str) -> str:
-    return repr(text if len(text) <= 40 else text[:37] + "...")
-
-
-def _check_complete(
-    file: Path,
-    found: Mapping[SceneWindow, ScenePrediction],
-    observations: Mapping[SceneWindow, ObservedScene],
-) -> None:
     windows = sorted({window for _, window in found})
     missing = [key for key in observations if key[1] in windows and key not in found]
     if missing:
-        scene, window = missing[0]
         raise InputError(
-            f"{file} has no row for scene {scene} at {window:g} s ({len(missing)} rows are "
-            "missing); every scene needs one at each window that is predicted"
+            f"{file} has no row for scene {missing[0][0]} at {missing[0][1]:g} s ({len(missing)} "
+            "rows are missing); every scene needs one at each window that is predicted"
         )
-    for part in ("exits", "relations"):
-        for window in windows:
-            if len({getattr(p, part) is None for (_, w), p in found.items() if w == window}) > 1:
-                raise InputError(
-                    f"{file} gives {part} for some scenes at {window:g} s and not for others; "
-                    "give them for all, or leave them out"
-                )
+    for part, window in product(ScenePrediction._fields, windows):
+        if len({getattr(p, part) is None for (_, w), p in found.items() if w == window}) > 1:
+            raise InputError(
+                f"{file} gives {part} for some scenes at {window:g} s and not for others; "
+                "give them for all, or leave them out"
+            )
+    return found
+
+
+def _list_faults(
+    row: PredictionRow, observations: Mapping[SceneWindow, ObservedScene], sides: tuple[str, ...]
+) -> Iterator[str]:
+    """Scenes, agents and sides that do not exist, and relations that cannot be."""
+
+    def shorten(text: str) -> str:
+        return repr(text if len(text) <= 40 else text[:37] + "...")
+
+    seen, relations = observations.get((row.scene, row.window)), row.relations or ()
+    if seen is None:
+        known = any(scene == row.scene for scene, _ in observations)
+        what = f"window {row.window:g}" if known else f"scene {shorten(row.scene)}"
+        yield f"there is no {what} in what is scored"
+        return
+    for agent in (*(row.exits or ()), *(a for r in relations for a in (r.from_, r.to))):
+        if agent not in seen.ids:
+            yield f"no agent {shorten(agent)} was seen in that scene by then"
+    for side in (row.exits or {}).values():
+        if side not in sides:
+            yield f"exit {shorten(side)} is none of {', '.join(sides)}"
+    yield from (f"{r.type} of {r.from_} with itself" for r in relations if r.from_ == r.to)
+    if len({r.key for r in relations}) < len(relations):
+        yield "one relation twice"
 
 
 def format_predictions(predictions: Mapping[SceneWindow, ScenePrediction]) -> bytes:
@@ -152,7 +143,8 @@ def format_jsonl(rows: Iterable[Mapping[str, Any]]) -> bytes:
 KINDS = ("normal", *RELATIONS)
 PAPER = ("normal", "collision", "yielding")
 """The kinds of the paper, of which `macro` is the mean."""
-_MEANS = {"macro": PAPER, "macro 4": KINDS}
+_MEANS = {"macro": [0, 1, 2], "macro 4": [0, 1, 2, 3]}
+"""Which of `KINDS` are averaged."""
 AGENT_CLASSES: tuple[AgentClass, ...] = get_args(AgentClass)
 LEADS = ((0.0, 2.0), (2.0, 4.0), (4.0, 6.0), (6.0, 10.0), (10.0, np.inf))
 """How long before an event the window ends [s]."""
@@ -165,8 +157,6 @@ DEFINITION = (
     "yielding; macro 4: with near miss; micro: all items of the four pooled. Intervals: 95 %, "
     "bootstrap over clips."
 )
-
-Key = tuple[str, str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,53 +226,39 @@ class WindowScores:
 def count_scene(labels: Labels, prediction: ScenePrediction, *, window: float) -> SceneCounts:
     """Count what is right in one scene after a window [s]."""
     seen = {agent for agent, start in labels.starts.items() if start <= window + 1e-6}
-    truth = {r.key for r in labels.relations if {r.from_, r.to} <= seen}
-    exits, relations = prediction.exits, prediction.relations
-    found = {r.key for r in relations or ()}
-    counts = np.zeros((len(AGENT_CLASSES), 3))
+    exits, relations = prediction
+    classes = np.zeros((len(AGENT_CLASSES), 3))
     for agent in seen if exits is not None else ():
         right = exits.get(agent) == labels.exits[agent] if exits else False
-        counts[AGENT_CLASSES.index(labels.types[agent])] += (right, not right, not right)
-    items, strict = (
-        count_items(labels, truth, found, seen, strict=strict) for strict in (False, True)
-    )
+        classes[AGENT_CLASSES.index(labels.types[agent])] += (right, not right, not right)
+    said, every = {r.key for r in relations or ()}, {r.key for r in labels.relations}
+    truth = {r.key for r in labels.relations if {r.from_, r.to} <= seen}
+    named, busy, told = ({agent for k in keys for agent in k[1:]} for keys in (truth, every, said))
+    parts = []
+    for wanted, agents in ((truth, seen - (busy - named)), (every, seen)):
+        items = np.zeros((len(KINDS), 3))
+        for n, kind in enumerate(RELATIONS, start=1):
+            true, found = ({key for key in keys if key[0] == kind} for keys in (wanted, said))
+            items[n] = (2 * len(true & found), 2 * len(found - true), 2 * len(true - found))
+        for agent in agents:
+            normal, quiet = agent not in busy, agent not in told
+            items[0] += (normal and quiet, quiet > normal, normal > quiet)
+        parts.append(items)
     leads = np.zeros((len(RELATIONS), len(LEADS), 2))
     for each in labels.relations:
-        if {each.from_, each.to} <= seen and each.time is not None:
+        if each.key in truth and each.time is not None:
             lead = max(each.time - window, 0.0)
             at = next(n for n, (low, high) in enumerate(LEADS) if low <= lead < high)
-            leads[RELATIONS.index(each.type), at] += (each.key in found, 1)
+            leads[RELATIONS.index(each.type), at] += (each.key in said, 1)
     return SceneCounts(
-        exits=None if exits is None else counts,
-        items=None if relations is None else items,
-        strict=None if relations is None else strict,
+        exits=None if exits is None else classes,
+        items=None if relations is None else parts[0],
+        strict=None if relations is None else parts[1],
         leads=leads,
         later=sum(not {r.from_, r.to} <= seen for r in labels.relations),
         agents=len(seen),
         unseen=len(labels.starts) - len(seen),
     )
-
-
-def count_items(
-    labels: Labels, truth: set[Key], found: set[Key], seen: set[str], *, strict: bool
-) -> FloatArray:
-    """Count [4, 3] true and false positives and false negatives per kind.
-
-    Args:
-        truth: keys of events among observed agents; found: of those predicted.
-        seen: the observed agents; strict: count events that cannot be seen yet.
-    """
-    counts = np.zeros((len(KINDS), 3))
-    wanted = {r.key for r in labels.relations} if strict else truth
-    for k, kind in enumerate(RELATIONS, start=1):
-        true, said = ({key for key in keys if key[0] == kind} for keys in (wanted, found))
-        counts[k] = (2 * len(true & said), 2 * len(said - true), 2 * len(true - said))
-    busy = {agent for r in labels.relations for agent in (r.from_, r.to)}
-    visible, said_busy = ({agent for key in keys for agent in key[1:]} for keys in (truth, found))
-    for agent in seen if strict else seen - (busy - visible):
-        normal, said_normal = agent not in busy, agent not in said_busy
-        counts[0] += (normal and said_normal, said_normal > normal, normal > said_normal)
-    return counts
 
 
 def summarise(
@@ -314,7 +290,7 @@ def _summarise_kinds(
     counts: Sequence[FloatArray | None],
     draws: FloatArray,
     kinds: Sequence[str],
-    means: Mapping[str, Sequence[str]],
+    means: Mapping[str, Sequence[int]],
     *,
     pooled: str,
 ) -> dict[str, Figure]:
@@ -322,14 +298,22 @@ def _summarise_kinds(
     if any(each is None for each in counts):
         return {}
     table = np.array(counts)
-    total, drawn = table.sum(axis=0), np.einsum("bs,skx->bkx", draws, table)
-    f1, drawn_f1, n = compute_f1(total), compute_f1(drawn), total[:, 0] + total[:, 2]
-    found = {name: _to_figure(f1[k], drawn_f1[:, k], n[k]) for k, name in enumerate(kinds)}
-    for name, of in means.items():
-        which = [kinds.index(kind) for kind in of]
-        found[name] = _to_figure(f1[which].mean(), drawn_f1[:, which].mean(axis=1), n[which].sum())
-    together = compute_f1(total.sum(axis=0)), compute_f1(drawn.sum(axis=1))
-    return {**found, pooled: _to_figure(*together, n.sum())}
+    # The counts of all scenes, then of each resample.
+    total = np.concatenate([table.sum(axis=0)[None], np.einsum("bs,skx->bkx", draws, table)])
+    f1, n = compute_f1(total), total[0, :, 0] + total[0, :, 2]
+    columns = {name: (f1[:, k], n[k]) for k, name in enumerate(kinds)}
+    for name, which in means.items():
+        columns[name] = f1[:, which].mean(axis=1), n[which].sum()
+    columns[pooled] = compute_f1(total.sum(axis=1)), n.sum()
+    found = {}
+    for name, (values, count) in columns.items():
+        if np.isnan(values[0]):
+            found[name] = Figure(None, None, None, int(count))
+            continue
+        bounds = float(values[0]), *compute_interval(values[1:])
+        value, low, high = (round(100 * each, 2) for each in bounds)
+        found[name] = Figure(value, low, high, int(count))
+    return found
 
 
 def compute_f1(counts: FloatArray) -> FloatArray:
@@ -337,11 +321,3 @@ def compute_f1(counts: FloatArray) -> FloatArray:
     hits = 2 * counts[..., 0]
     with np.errstate(invalid="ignore"):
         return np.asarray(hits / (hits + counts[..., 1] + counts[..., 2]))
-
-
-def _to_figure(value: FloatArray, drawn: FloatArray, n: float) -> Figure:
-    if np.isnan(value):
-        return Figure(None, None, None, int(n))
-    low, high = compute_interval(drawn)
-    share, low, high = (round(100 * each, 2) for each in (float(value), low, high))
-    return Figure(share, low, high, int(n))

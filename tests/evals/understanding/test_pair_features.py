@@ -1,14 +1,12 @@
-"""Beliefs over futures by message passing, and the features of a pair."""
+"""The features of a pair, of futures whose conflicts are known."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from scenewright.evals.understanding.cases import ObservedAgent, ObservedScene
-from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, SceneForecast
-from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
-from scenewright.evals.understanding.interaction_graph import build_interaction_graph
+from scenewright.evals.understanding.cases import ObservedAgent
+from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast
 from scenewright.evals.understanding.pair_features import (
     NAMES,
     compute_pair_features,
@@ -32,22 +30,17 @@ def driver(id_: str) -> ObservedAgent:
     )  # fmt: skip
 
 
-def fit_of(agent: ObservedAgent) -> RoutePosterior:
-    seen = ObservedScene("00ff00ff00ff00ff", PLACE, 4.0, 12, (agent,), ())
-    return infer_routes(seen)[agent.id]
-
-
-def future(fit: RoutePosterior, ways: list[tuple[str, np.ndarray, float]]) -> AgentForecast:
+def future(agent: ObservedAgent, ways: list[tuple[str, np.ndarray, float]]) -> AgentForecast:
     """Futures that take the ways named, each (movement, [T, 2], heading), in turn."""
-    movements = [route.movement for route in fit.components.routes]
+    components = load_components(PLACE, "vehicle")
+    movements = [route.movement for route in components.routes]
     turn = [ways[k % len(ways)] for k in range(SIZE)]
     return AgentForecast(
-        np.stack([xy for _, xy, _ in turn]),
+        agent, components, np.stack([xy for _, xy, _ in turn]),
         np.stack([np.full(TICKS, heading) for _, _, heading in turn]),
         np.ones((SIZE, TICKS), dtype=np.bool_), np.full(SIZE, 9.0),
-        np.zeros(SIZE, dtype=np.bool_), np.zeros(SIZE, dtype=np.bool_),
+        np.zeros(SIZE, dtype=np.bool_), np.full(SIZE, np.inf),
         np.array([movements.index(name) for name, _, _ in turn]), np.full(SIZE, 1 / SIZE),
-        np.full(SIZE, np.inf),
     )  # fmt: skip
 
 
@@ -58,41 +51,26 @@ AWAY = np.stack([300.0 + 5.0 * T, 0 * T], axis=-1)
 
 
 @pytest.fixture(scope="module")
-def forecast() -> SceneForecast:
+def futures() -> tuple[AgentForecast, ...]:
     """`a` goes straight on or left; on its way straight it meets `b`, who surely goes east.
 
     `c` is far from everybody.
     """
-    agents = tuple(driver(name) for name in "abc")
-    fits = tuple(fit_of(agent) for agent in agents)
-    futures = (
-        future(fits[0], [("straight", SOUTH, -np.pi / 2), ("left", AWAY, 0.0)]),
-        future(fits[1], [("straight", EAST, 0.0)]),
-        future(fits[2], [("straight", AWAY + 500.0, 0.0)]),
+    return (
+        future(driver("a"), [("straight", SOUTH, -np.pi / 2), ("left", AWAY, 0.0)]),
+        future(driver("b"), [("straight", EAST, 0.0)]),
+        future(driver("c"), [("straight", AWAY + 500.0, 0.0)]),
     )
-    return SceneForecast(agents, fits, futures, futures, np.zeros(3))
 
 
-def test_futures_close_to_crossing_agents_are_less_likely(forecast: SceneForecast) -> None:
-    graph = build_interaction_graph(forecast)
-    meets = np.arange(SIZE) % 2 == 0
-    assert np.abs(graph.gaps[0, 1].gap[meets]).max() < 1.0
-    without_c = graph.beliefs[0, 2]
-    assert without_c.sum() == pytest.approx(1.0)
-    assert without_c[meets].sum() < 0.2
-
-
-def test_beliefs_of_a_pair_leave_out_their_own_messages(forecast: SceneForecast) -> None:
-    graph = build_interaction_graph(forecast)
-    assert graph.beliefs[0, 1] == pytest.approx(np.full(SIZE, 1 / SIZE))
-
-
-def test_features_describe_the_likeliest_conflict_of_a_pair(forecast: SceneForecast) -> None:
-    pairs, (values,) = compute_pair_features(forecast, window=4.0)
+def test_features_describe_the_likeliest_conflict_of_a_pair(
+    futures: tuple[AgentForecast, ...],
+) -> None:
+    pairs, (values,) = compute_pair_features(futures, window=4.0)
     features = dict(zip(NAMES, values.tolist(), strict=True))
     assert pairs == [("a", "b")]
-    assert features["best"] == 1.0
-    assert features["best_share"] == pytest.approx(0.5)
+    assert features["share"] == 1.0
+    assert features["likely"] == pytest.approx(0.5)
     assert features["within_1"] == pytest.approx(0.5)
     assert features["soon"] == pytest.approx(6.0, abs=1.0)
     assert features["angle"] == pytest.approx(np.pi / 2)
@@ -102,4 +80,4 @@ def test_features_describe_the_likeliest_conflict_of_a_pair(forecast: SceneForec
     assert features["offset"] < 0.2
     back = dict(zip(NAMES, mirror_features(values).tolist(), strict=True))
     assert back["own_b"] == features["own_a"]
-    assert back["best"] == features["best"]
+    assert back["share"] == features["share"]
