@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -302,22 +303,21 @@ class _Assembly:
             pair: sorted(found, key=sharpness.__getitem__) for pair, found in sorted(groups.items())
         }
 
-    @cached_property
-    def missing(self) -> list[tuple[int, int]]:
-        """Entries and exits, by leg, between which no way leads."""
-        entries = [k for k, leg in enumerate(self.legs) if leg.approaches]
-        exits = [k for k, leg in enumerate(self.legs) if leg.exits]
-        return [
-            pair for pair in product(entries, exits)
-            if pair[0] != pair[1] and pair not in self.by_movement
-        ]  # fmt: skip
-
     def build_map(self, name: str, title: str | None, signals: str) -> IntersectionMap:
         lanelets = tuple(self._build_lanelets())
         stop_lines = tuple(self._build_stop_lines())
         crosswalks = tuple(self._build_crosswalks())
-        for a, b in self.missing:
-            self._add_note(f"no way leads from {self.names[a]} to {self.names[b]}")
+        entries, exits = (
+            [k for k, leg in enumerate(self.legs) if lanes(leg)]
+            for lanes in (attrgetter("approaches"), attrgetter("exits"))
+        )
+        for a, b in product(entries, exits):
+            own = [self.connections[i] for i in self.by_movement.get((a, b), ())]
+            between = f"from {self.names[a]} to {self.names[b]}"
+            if not own and a != b:
+                self._add_note(f"no way leads {between}")
+            elif own and all(each.is_added for each in own):
+                self._add_note(f"the way {between} was added: the file allows it, no line is drawn")
         program = self._build_signals(crosswalks, signals)
         movements = self._build_movements(program)
         lines = {m.id: self.vehicle_lines[f"vehicle:{m.id}"] for m in movements}
@@ -512,8 +512,8 @@ class _Assembly:
             for each in self.survey.connections
             if each not in self.connections
         )
-        unexpected = 0 if self.survey.barred is None else len(self.missing) - self.survey.barred
-        held = kept + back + self.survey.lost + max(unexpected, 0)
+        held = kept + back + self.survey.lost
+        added = sum(each.is_added for each in self.connections)
         lanes = ReportItem("lanes", "read", 1.0, "as drawn")
         if map_format == "osm":
             lanes = ReportItem("lanes", "partly read", 0.5, "guessed where the file has no tags")
@@ -521,7 +521,7 @@ class _Assembly:
             lanes,
             ReportItem(
                 "ways through", "read" if kept == held else "partly read", round(kept / held, 3),
-                f"{kept} of {held} kept",
+                f"{kept} of {held} kept" + (f", {added} added" if added else ""),
             ),
             self._rate_curves(),
             rate_crosswalks(self.crosswalk_facts),

@@ -158,7 +158,13 @@ def build_area_crossing(outline: FloatArray, source: str = "") -> SurveyCrossing
 def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoice:
     """By leg, the crossings of the file that are its crosswalk."""
     leg_of_lane = {lane.id: k for k, leg in enumerate(legs) for lane in leg.lanes}
-    ways = [_Way.join(survey, each, leg_of_lane) for each in survey.connections]
+    # Ways that no file draws say little of where a crossing lies, but for lanes without another.
+    drawn = {x for way in survey.connections if not way.is_added for x in (way.approach, way.exit)}
+    ways = [
+        _Way.join(survey, each, leg_of_lane)
+        for each in survey.connections
+        if not (each.is_added and {each.approach, each.exit} <= drawn)
+    ]
     found: dict[int, list[LegCrossing]] = {}
     left_out: list[tuple[SurveyCrossing, int | None, str]] = []
     known: list[LegCrossing] = []

@@ -100,12 +100,6 @@ def list_osm_lines(osm: OsmFile) -> Mapping[str, list[FloatArray]]:
     return found
 
 
-def count_barred_turns(osm: OsmFile, nodes: frozenset[str]) -> int:
-    """How many turns at some nodes the file's restrictions may forbid: one, or all but one."""
-    kinds = [kind for kind, members in osm.restrictions if members & nodes]
-    return sum(kind.startswith("no_") + 2 * kind.startswith("only_") for kind in kinds)
-
-
 def _is_crossing_node(tags: Tags) -> bool:
     kind, crossing = tags.get("highway"), tags.get("crossing")
     return crossing != "no" and (

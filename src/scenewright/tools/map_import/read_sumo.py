@@ -48,13 +48,15 @@ from scenewright.tools.map_import.opendrive_features import (
     read_opendrive_file,
 )
 from scenewright.tools.map_import.osm_features import (
-    count_barred_turns,
     list_osm_crossings,
     list_osm_lights,
     list_osm_lines,
 )
 from scenewright.tools.map_import.osm_file import cut_out, read_osm_file
 from scenewright.tools.map_import.osm_streets import survey_osm_junctions
+from scenewright.tools.map_import.osm_turns import (
+    OsmTurns,
+)
 from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
     ASSUMED_SIDE,
@@ -76,6 +78,7 @@ _STRAIGHT = math.radians(35.0)
 _COLOURS: Mapping[str, Colour] = {"g": "green", "y": "yellow", "o": "green"}
 _DETOUR = math.radians(80.0)
 """How far a way turns back at least that goes round a turn that is banned."""
+_ALL_ROUND = math.radians(225.0)
 _CUT_OUT = "cut out the surroundings of the junction first"
 
 
@@ -153,7 +156,8 @@ def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | N
     places = [net.getNode(name).getCoord()[:2] for name in sorted(nodes)]
     x, y = np.mean(places, axis=0).tolist()
     group = replace(chosen, nodes=frozenset(nodes), xy=(x, y))
-    survey = _survey_junction(net, group, origin, side, file)
+    turns = OsmTurns(osm, side.left_hand)
+    survey = _survey_junction(net, group, origin, side, file, turns)
     survey.notes.append(
         "lane widths, turning lanes and signal times that the file does not tag are netconvert's "
         "guesses"
@@ -163,7 +167,7 @@ def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | N
     middle = np.array(survey.offset)
     return replace(
         survey, crossings=tuple(list_osm_crossings(osm, middle)), phases=(),
-        lights=tuple(list_osm_lights(osm, middle)), barred=count_barred_turns(osm, group.nodes),
+        lights=tuple(list_osm_lights(osm, middle)),
         drawn=keep_near(list_osm_lines(osm), middle),
     )  # fmt: skip
 
@@ -327,15 +331,22 @@ def _get_shape(part: Any) -> FloatArray:
 
 
 def _survey_junction(
-    net: Any, group: Junction, origin: LatLon | None, side: DrivingSide, file: Path
+    net: Any,
+    group: Junction,
+    origin: LatLon | None,
+    side: DrivingSide,
+    file: Path,
+    turns: OsmTurns | None = None,
 ) -> Survey:
     try:
-        return _survey_nodes(net, group, origin, side)
+        return _survey_nodes(net, group, origin, side, turns)
     except (KeyError, IndexError) as fault:  # sumolib follows names that lead nowhere
         raise InputError(f"{file} names a part that it lacks: {str(fault)[:80]}") from None
 
 
-def _survey_nodes(net: Any, group: Junction, origin: LatLon | None, side: DrivingSide) -> Survey:
+def _survey_nodes(
+    net: Any, group: Junction, origin: LatLon | None, side: DrivingSide, turns: OsmTurns | None
+) -> Survey:
     nodes = [net.getNode(name) for name in sorted(group.nodes)]
     outlines = [_get_shape(node) for node in nodes if node.getShape()]
     outlines = [outline for outline in outlines if len(outline) > 2]
@@ -360,9 +371,27 @@ def _survey_nodes(net: Any, group: Junction, origin: LatLon | None, side: Drivin
         }
         for roads, inwards in ((roads_in, True), (roads_out, False))
     )
-    connections = [
-        each for name in approaches for each in _trace_connections(net, name, exits, group, middle)
-    ]
+    connections: list[SurveyConnection] = []
+    told: list[str] = []
+    for edge in roads_in:
+        names = [lane.getID() for lane in _list_driving_lanes(edge)]
+        ways, allowed = (
+            [x for name in names for x in _trace_connections(net, name, exits, group, middle, each)]
+            for each in (None, turns)
+        )
+        if turns is not None and not group.is_roundabout:
+            ways, faults = turns.complete_ways(
+                edge,
+                roads_out,
+                {**approaches, **exits},
+                ways,
+                {
+                    way.exit: way.line
+                    for way in sorted(allowed, key=lambda way: -measure_length(way.line))
+                },
+            )
+            told += faults
+        connections += ways
     used = {way.approach for way in connections}, {way.exit for way in connections}
     # Only nodes that a way leads through: streets that lead nowhere end at others.
     ways = geos.union_all([geos.LineString(each.line) for each in connections])
@@ -388,6 +417,7 @@ def _survey_nodes(net: Any, group: Junction, origin: LatLon | None, side: Drivin
         lost=len(approaches) - len(used[0]) + len(exits) - len(used[1]),
         notes=[
             *_describe_parts(group),
+            *told,
             *describe_strips(
                 lane.allows("passenger") and not _is_for_cars(lane)
                 for edge in (*(e for node in nodes for e in node.getIncoming()), *roads_out)
@@ -443,9 +473,18 @@ def _is_street(edge: Any) -> bool:
 
 
 def _trace_connections(
-    net: Any, approach: str, exits: Mapping[str, Any], group: Junction, middle: FloatArray
+    net: Any,
+    approach: str,
+    exits: Mapping[str, Any],
+    group: Junction,
+    middle: FloatArray,
+    turns: OsmTurns | None,
 ) -> Iterator[SurveyConnection]:
-    """The shortest way from an approach over lanes inside the junction to every exit lane."""
+    """The shortest way from an approach over lanes inside the junction to every exit lane.
+
+    Args:
+        turns: what the file allows; None for what the network has.
+    """
     start = net.getLane(approach)
     todo: list[tuple[float, int, Any, FloatArray, str | None]] = [
         (0.0, 0, start, np.zeros((0, 2)), None)
@@ -460,28 +499,43 @@ def _trace_connections(
             if group.is_roundabout or not is_detour(line):
                 yield SurveyConnection(approach, lane.getID(), line - middle, light)
             continue
-        for link in lane.getOutgoing():
-            after = link.getToLane()
+        for after, between, lit in _list_links(net, lane, turns, is_inside=lane is not start):
             if _is_internal(after) or not _is_for_cars(after):
                 continue
             inner, edge = after.getID() not in exits, after.getEdge()
             ends = {edge.getFromNode().getID(), edge.getToNode().getID()}
             if inner and not ends <= group.nodes:
                 continue
-            parts = [line, _trace_connection(net, link), *([_get_shape(after)] if inner else [])]
-            longer = np.concatenate(parts)
+            longer = np.concatenate([line, between, *([_get_shape(after)] if inner else [])])
             count += 1
-            heapq.heappush(
-                todo,
-                (measure_length(longer), count, after, longer, light or _find_light(link)),
-            )
+            heapq.heappush(todo, (measure_length(longer), count, after, longer, light or lit))
+
+
+def _list_links(
+    net: Any, lane: Any, turns: OsmTurns | None, *, is_inside: bool
+) -> Iterator[tuple[Any, FloatArray, str | None]]:
+    """The lanes that one leads to, the line between them, and its light.
+
+    Where the file decides, every lane of a street inside the junction leads where one of them does,
+    and on to the streets to which the network has no way.
+    """
+    edge = lane.getEdge()
+    own = edge.getLanes() if turns is not None and is_inside else [lane]
+    for link in (link for each in own for link in each.getOutgoing()):
+        yield link.getToLane(), _trace_connection(net, link), _find_light(link)
+    if turns is not None:
+        led = {link.getTo() for each in edge.getLanes() for link in each.getOutgoing()}
+        for onto in edge.getToNode().getOutgoing():
+            if _is_street(onto) and onto not in led and turns.allows(edge, onto):
+                for after in onto.getLanes():
+                    yield after, np.array([_get_shape(lane)[-1], _get_shape(after)[0]]), None
 
 
 def is_detour(line: FloatArray) -> bool:
-    """Whether a way [T, 2] turns one way and back the other, as one round a banned turn does."""
+    """Whether a way [T, 2] turns one way and back, or all round, as about a banned turn."""
     courses = measure_courses(resample_by_spacing(line, 1.0))
-    back = float(np.ptp(courses)) - abs(float(courses[-1] - courses[0]))
-    return back > _DETOUR
+    turn = abs(float(courses[-1] - courses[0]))
+    return float(np.ptp(courses)) - turn > _DETOUR or turn > _ALL_ROUND
 
 
 def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
