@@ -129,7 +129,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
             detail = (
                 f"the routes of {edge.from_} and {edge.to} do not meet "
                 f"so that '{_format_edge(edge)}' could happen at {intersection_map.title}"
-                f"{_describe_exit_lanes(edge, routes, intersection_map)}"
+                f"{_describe_lanes(edge, routes, intersection_map)}"
             )
         raise _reject((edge.from_, edge.to), detail)
     if len(graph.relations) != 1 and not _is_playable(graph, grounding, intersection_map):
@@ -598,7 +598,8 @@ def _is_geometry_fitting(
         case "same_lane":
             return a.entry == b.entry and _share_a_lane(a, b, intersection_map)
         case "turn_across":
-            return a.entry == b.entry and a.exit != b.exit
+            # Who turns off from a lane of its own beside the other's never crosses its way.
+            return a.exit != b.exit and a.entry == b.entry and _share_a_lane(a, b, intersection_map)
         case "same_way" | "overtaking" | "cutting_in":
             return a.entry == b.entry and a.exit == b.exit
         case "lane_change":
@@ -804,21 +805,23 @@ def _is_playable(
     return next(found, None) is not None
 
 
-def _describe_exit_lanes(
+def _describe_lanes(
     edge: RelationEdge, routes: Mapping[str, Sequence[Route]], intersection_map: IntersectionMap
 ) -> str:
-    """The lanes on which each leaves, where both leave by one leg on lanes of their own."""
-    exits = {lane.id for lane in intersection_map.lanelets if lane.kind == "exit"}
-    lanes: dict[str, set[str]] = {edge.from_: set(), edge.to: set()}
-    for a, b in product(routes[edge.from_], routes[edge.to]):
-        if a.exit == b.exit and a.entry != b.entry:
-            for name, way in ((edge.from_, a), (edge.to, b)):
-                movement = intersection_map.find_movement(way)
-                lanes[name] |= exits.intersection(movement.lanelets if movement else ())
-    if not all(lanes.values()) or not lanes[edge.from_].isdisjoint(lanes[edge.to]):
-        return ""
-    ways = (f"{name} by {', '.join(sorted(own))}" for name, own in lanes.items())
-    return f": they leave on lanes of their own, {' and '.join(ways)}"
+    """The lanes of each, where both come or leave by one leg on lanes of their own."""
+    for kind, words in (("exit", "leave"), ("approach", "come")):
+        held = {lane.id for lane in intersection_map.lanelets if lane.kind == kind}
+        lanes: dict[str, set[str]] = {edge.from_: set(), edge.to: set()}
+        for a, b in product(routes[edge.from_], routes[edge.to]):
+            same = (a.exit == b.exit, a.entry == b.entry)
+            if same == (kind == "exit", kind == "approach"):
+                for name, way in ((edge.from_, a), (edge.to, b)):
+                    movement = intersection_map.find_movement(way)
+                    lanes[name] |= held.intersection(movement.lanelets if movement else ())
+        if all(lanes.values()) and lanes[edge.from_].isdisjoint(lanes[edge.to]):
+            ways = (f"{name} by {', '.join(sorted(own))}" for name, own in lanes.items())
+            return f": they {words} on lanes of their own, {' and '.join(ways)}"
+    return ""
 
 
 _SIDE_WORDS: dict[EntrySide, str] = {
