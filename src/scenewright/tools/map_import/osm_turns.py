@@ -7,8 +7,8 @@ have lanes for other turns only, and where the marks of lanes leave a turn unsai
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,8 +24,6 @@ from scenewright.tools.map_import.curves import draw_curve
 from scenewright.tools.map_import.osm_file import OsmFile, Tags, is_one_way
 from scenewright.tools.map_import.survey import SurveyConnection, SurveyLane
 
-Marks = list[frozenset[str]]
-"""Of the lanes of a street, from left to right: the turns that each is for; empty: unsaid."""
 _STRAIGHTEST, _STRAIGHT, _SLIGHT = (math.radians(each) for each in (60.0, 20.0, 5.0))
 """The straightest way goes through if it turns less than the first, others less than the second;
 one that turns more than the second is a turn as well, and more than the third a slight one."""
@@ -71,53 +69,56 @@ class OsmTurns:
     ) -> tuple[Sequence[SurveyConnection], list[str]]:
         """The ways from an edge that the file allows, from the lanes that it marks for them.
 
-        Also what speaks against the marks, and what they leave out.
+        Also what the marks contradict, and what they leave out.
 
         Args:
             lanes: by id, of the edge and of the roads out.
             ways: of the network; reached: by lane out, a way to it that the file allows [P, 2].
         """
-        text, marks = self._read_marks(edge)
+        name, tags = self.find_way(edge, edge.getToNode().getID())
+        key = "turn:lanes:backward" if edge.getID().startswith("-") else "turn:lanes:forward"
+        text = tags.get(key) or (tags.get("turn:lanes") if is_one_way(tags) else None)
+        marks = [frozenset(x.split(";")) - {"", "none"} for x in text.split("|")] if text else []
         sides = self._sort_lanes(edge)
-        own = [lanes[name] for name in sides if name in lanes]
-        faults = []
-        if len(marks) == len(sides):
-            marks = [each for name, each in zip(sides, marks, strict=True) if name in lanes]
-        else:
-            faults += [f"are not followed: {len(sides)} lanes are there"] if marks else []
-            marks = [frozenset[str]() for _ in own]
-        met = {way.exit for way in ways}
-        exits = []
+        told = [f"are not followed: {len(sides)} lanes are there"] * (len(marks) != len(sides))
+        marks = [frozenset()] * len(sides) if told else marks
+        marked = [(lanes[x], own) for x, own in zip(sides, marks, strict=True) if x in lanes]
+        streets = []
         for onto in (each for each in roads_out if not turns_back(edge, each)):
             out = [lanes[name] for name in self._sort_lanes(onto) if name in lanes]
             ids = {lane.id for lane in out}
-            if not ids & met and ids & reached.keys():
-                way = _draw_allowed(own, marks, out, reached)
-                if way is None:
-                    faults.append(
-                        f"name no lane for {out[0].road or onto.getID()}: no way leads there"
-                    )
-                    continue
-                ways = [*ways, way]
-            exits.append(out)
-        if any(marks):
-            ways, more = follow_marks(own, marks, exits, ways)
-            faults += more
-        return ways, [f"{text} {fault}" for fault in faults]
+            met = [way for way in ways if way.exit in ids]
+            if met or ids & reached.keys():
+                streets.append((_measure_turn(marked[-1][0].line, out[0].line), out, met))
+        said = {way.exit for _, _, met in streets for way in met}
+        found = [way for way in ways if way.exit not in said]
+        named = {"reverse", "merge_to_left", "merge_to_right"}
+        for turn, out, met in streets:
+            names = _name_turn(turn, is_straightest=abs(turn) == min(abs(x[0]) for x in streets))
+            named |= names
+            fit = [lane for lane, own in marked if own & names]
+            unsaid = [lane for lane, own in marked if not own]
+            if not (fit or unsaid):
+                lost = "" if met else ": no way leads there"
+                told.append(f"name no lane for the way to {out[0].road or 'a street'}{lost}")
+            if not (fit or met):
+                fit = unsaid[:1] if turn > 0 else unsaid[-1:]
+            found += [way for way in met if not fit or way.approach in {x.id for x in unsaid}]
+            # Who turns left from the lanes on the left begins with them, others on the right.
+            shift = 0 if turn > _STRAIGHT else len(out) - len(fit)
+            for k, lane in enumerate(fit):
+                target = out[min(max(k + shift, 0), len(out) - 1)]
+                known = [way for way in met if way.approach == lane.id]
+                found += known or [_draw_way(lane, target, met, reached.get(target.id))]
+        told += [f"name {x}, where no street leads" for x in sorted(set().union(*marks) - named)]
+        left = {lane.id for lane, _ in marked} - {way.approach for way in found}
+        found += [way for way in ways if way.approach in left]
+        return found, [f"turn:lanes of way {name} ({text}) {why}" for why in told if text]
 
     def _sort_lanes(self, edge: Any) -> list[str]:
         """The lanes of an edge from left to right."""
         step = 1 if self.left_hand else -1
         return [lane.getID() for lane in edge.getLanes()[::step]]
-
-    def _read_marks(self, edge: Any) -> tuple[str, Marks]:
-        """What the file says of the turns from the lanes of an edge, and that for each lane."""
-        name, tags = self.find_way(edge, edge.getToNode().getID())
-        key = "turn:lanes:backward" if edge.getID().startswith("-") else "turn:lanes:forward"
-        text = tags.get(key) or (tags.get("turn:lanes") if is_one_way(tags) else None)
-        lanes = text.split("|") if text else []
-        marks = [frozenset(each.split(";")) - {"", "none"} for each in lanes]
-        return f"turn:lanes of way {name} ({text})", marks
 
 
 def turns_back(edge: Any, onto: Any) -> bool:
@@ -133,71 +134,23 @@ def _measure_turn(before: FloatArray, after: FloatArray) -> float:
 
 
 def _draw_way(
-    approach: SurveyLane, exit_: SurveyLane, light: str | None = None
+    lane: SurveyLane,
+    exit_: SurveyLane,
+    beside: Sequence[SurveyConnection],
+    streets: FloatArray | None,
 ) -> SurveyConnection:
-    """A way from one lane to another that the network lacks."""
-    a, b = approach.line, exit_.line
-    line = draw_curve(a[-1], a[-1] - find_point(a[::-1], 2.0), b[0], find_point(b, 2.0) - b[0])
-    return SurveyConnection(approach.id, exit_.id, line, light, is_added=True)
-
-
-def _draw_allowed(
-    lanes: Sequence[SurveyLane],
-    marks: Marks,
-    exits: Sequence[SurveyLane],
-    reached: Mapping[str, FloatArray],
-) -> SurveyConnection | None:
-    """A way from the outermost lane that may lead to a street; None if none may.
-
-    It is drawn anew, unless the streets inside the junction lead elsewhere.
-    """
-    turn = _measure_turn(lanes[-1].line, exits[0].line)
-    names = _name_turn(turn, is_straightest=True)
-    fit = [lane for lane, each in zip(lanes, marks, strict=True) if not each or each & names]
-    side = 0 if turn > 0 else -1
-    if not fit:
-        return None
-    way = _draw_way(fit[side], exits[side])
-    streets = next(reached[lane.id] for lane in exits if lane.id in reached)
-    strays = measure_distances(way.line, resample_by_spacing(streets, 1.0)).min(axis=1).max()
-    return replace(way, line=streets) if strays > _STRAYS else way
-
-
-def follow_marks(
-    lanes: Sequence[SurveyLane],
-    marks: Marks,
-    exits: Sequence[Sequence[SurveyLane]],
-    ways: Sequence[SurveyConnection],
-) -> tuple[list[SurveyConnection], list[str]]:
-    """The ways from the lanes of one street as these are marked, and what the marks contradict.
+    """A way between two lanes that the network lacks, unless streets inside lead far beside it.
 
     Args:
-        lanes: from left to right, as the marks; exits: those of every street out, likewise.
-        ways: from the lanes.
+        beside: ways to the same street; streets: [P, 2] the way along them.
     """
-    streets = [(own, [way for way in ways if way.exit in {x.id for x in own}]) for own in exits]
-    streets = [(own, met) for own, met in streets if met]
-    turns = [_measure_turn(lanes[-1].line, own[0].line) for own, _ in streets]
-    known = {lane.id for own in exits for lane in own}
-    back = [way for way in ways if way.exit not in known]
-    found: list[SurveyConnection] = []
-    faults, named = [], set[str]()
-    unsaid = {lane.id for lane, each in zip(lanes, marks, strict=True) if not each}
-    for (own, met), turn in zip(streets, turns, strict=True):
-        names = _name_turn(turn, is_straightest=abs(turn) == min(map(abs, turns)))
-        named |= names
-        fit = [lane for lane, each in zip(lanes, marks, strict=True) if each & names]
-        if fit:
-            found += [way for way in met if way.approach in unsaid]
-            found += _spread(fit, own, met, from_left=turn > _STRAIGHT)
-        else:
-            found += met
-            if not unsaid:
-                faults.append(f"name no lane for the way to {own[0].road or 'a street'}")
-    said = frozenset().union(*marks) - {"reverse", "merge_to_left", "merge_to_right"}
-    faults += [f"name {mark}, where no street leads" for mark in sorted(said - named)]
-    left = {lane.id for lane in lanes} - {way.approach for way in found}
-    return [*back, *found, *(x for x in ways if x.approach in left and x not in back)], faults
+    a, b = lane.line, exit_.line
+    line = draw_curve(a[-1], a[-1] - find_point(a[::-1], 2.0), b[0], find_point(b, 2.0) - b[0])
+    if streets is not None:
+        away = measure_distances(line, resample_by_spacing(streets, 1.0)).min(axis=1)
+        line = streets if away.max() > _STRAYS else line
+    light = beside[0].light if beside else None
+    return SurveyConnection(lane.id, exit_.id, line, light, is_added=True)
 
 
 def _name_turn(turn: float, *, is_straightest: bool) -> set[str]:
@@ -206,22 +159,3 @@ def _name_turn(turn: float, *, is_straightest: bool) -> set[str]:
     side = "left" if turn > 0 else "right"
     marks |= {f"slight_{side}"} if abs(turn) > _SLIGHT else set()
     return marks | ({side, f"sharp_{side}"} if abs(turn) > _STRAIGHT else set())
-
-
-def _spread(
-    lanes: Sequence[SurveyLane],
-    exits: Sequence[SurveyLane],
-    ways: Sequence[SurveyConnection],
-    *,
-    from_left: bool,
-) -> Iterator[SurveyConnection]:
-    """The ways from some lanes to those of one street: the given ones, else a new one for each.
-
-    Args:
-        from_left: whether the lanes on the left lead to one another, else those on the right.
-    """
-    shift = 0 if from_left else len(exits) - len(lanes)
-    for k, lane in enumerate(lanes):
-        target = exits[min(max(k + shift, 0), len(exits) - 1)]
-        known = [way for way in ways if way.approach == lane.id]
-        yield from known or [_draw_way(lane, target, ways[0].light)]

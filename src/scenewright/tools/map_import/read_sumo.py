@@ -375,21 +375,14 @@ def _survey_nodes(
     told: list[str] = []
     for edge in roads_in:
         names = [lane.getID() for lane in _list_driving_lanes(edge)]
-        ways, allowed = (
-            [x for name in names for x in _trace_connections(net, name, exits, group, middle, each)]
-            for each in (None, turns)
-        )
+        given = (net, exits, group, middle)
+        ways = [way for name in names for way in _trace_connections(name, *given, None)]
         if turns is not None and not group.is_roundabout:
-            ways, faults = turns.complete_ways(
-                edge,
-                roads_out,
-                {**approaches, **exits},
-                ways,
-                {
-                    way.exit: way.line
-                    for way in sorted(allowed, key=lambda way: -measure_length(way.line))
-                },
-            )
+            more = [way for name in names for way in _trace_connections(name, *given, turns)]
+            more.sort(key=lambda way: -measure_length(way.line))
+            reached = {way.exit: way.line for way in more}
+            lanes = {**approaches, **exits}
+            ways, faults = turns.complete_ways(edge, roads_out, lanes, ways, reached)
             told += faults
         connections += ways
     used = {way.approach for way in connections}, {way.exit for way in connections}
@@ -473,8 +466,8 @@ def _is_street(edge: Any) -> bool:
 
 
 def _trace_connections(
-    net: Any,
     approach: str,
+    net: Any,
     exits: Mapping[str, Any],
     group: Junction,
     middle: FloatArray,
