@@ -257,7 +257,9 @@ class _Assembly:
         placed = self.placements.get(k)
         if placed is None or placed.mapped is None:
             ahead = (line - self.legs[k].throat) @ self.legs[k].outwards
-            stop = 0.0 if placed is None else placed.stop_distance
+            stop = 0.0
+            if placed is not None:
+                stop = placed.distance + placed.width / 2 + ground.STOP_GAP
             return _take_last_run(line, self._is_inside(line) & (ahead >= stop))
         # On to a mapped crosswalk along its straightest way if that lies inside.
         ways = [each for each in self.connections if each.approach == lane.id]
@@ -265,7 +267,8 @@ class _Assembly:
             onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
             line = np.concatenate([line, onwards])
         longer = resample_by_spacing(line, 0.5)
-        met = np.flatnonzero(geos.contains_xy(placed.stop_area, *longer.T))
+        clear = placed.area.buffer(ground.STOP_GAP, join_style="mitre")
+        met = np.flatnonzero(geos.contains_xy(clear, *longer.T))
         kept = longer[: met[0]] if len(met) else line
         return _take_last_run(kept, self._is_inside(kept))
 
@@ -564,13 +567,14 @@ class _Assembly:
         for k, placed in self.placements.items():
             key, (a, b) = f"pedestrian:{self.names[k]}", find_sides(self.names[k])
             lines = {
-                (before, after): _round_corners(
-                    ground.build_crossing_line(
-                        placed, self._list_corners(k), before=before, after=after
-                    )
+                pair: ground.build_crossing_line(
+                    placed, self._list_corners(k), before=pair[0], after=pair[1]
                 )
-                for before, after in product(SIDEWALKS, SIDEWALKS)
+                for pair in product(SIDEWALKS, SIDEWALKS)
             }
+            for pair, line in lines.items():  # without sharp corners, ends kept
+                smooth = smooth_gaussian(resample_by_spacing(line, 0.25), 3.0)
+                lines[pair] = resample_by_spacing(smooth, 0.5)
             walked = geos.union_all([self.sidewalks, placed.area, self.refuges[k]]).buffer(0.3)
             shares = (geos.contains_xy(walked, *line.T).mean() for line in lines.values())
             if not all(share > _ON_GROUND for share in shares):
@@ -711,11 +715,6 @@ def _take_last_run(line: FloatArray, inside: Any) -> FloatArray:
     breaks = np.flatnonzero(np.diff(where) > 1)
     first = where[breaks[-1] + 1] if len(breaks) else where[0]
     return line[first : where[-1] + 1]
-
-
-def _round_corners(line: FloatArray) -> FloatArray:
-    """A walked line without sharp corners, ends kept."""
-    return resample_by_spacing(smooth_gaussian(resample_by_spacing(line, 0.25), 3.0), 0.5)
 
 
 def _build_lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:

@@ -227,21 +227,23 @@ def name_legs(
         turns: (entry, exit, turning angle [rad, positive to the left]) of each connection.
     """
     bearings = [leg.bearing for leg in legs]
-    return min(_list_namings(len(legs)), key=lambda names: _score_naming(names, bearings, turns))
-
-
-def _list_namings(count: int) -> Iterator[tuple[Compass, ...]]:
-    """All ways to name legs counter-clockwise round the junction."""
-    for chosen in combinations(COMPASS_RING[::-1], count):
-        for turn in range(count):
-            yield (*chosen[turn:], *chosen[:turn])
+    namings = (
+        (*chosen[turn:], *chosen[:turn])
+        for chosen in combinations(COMPASS_RING[::-1], len(legs))
+        for turn in range(len(legs))
+    )
+    return min(namings, key=lambda names: _score_naming(names, bearings, turns))
 
 
 def _score_naming(
     names: Sequence[Compass], bearings: Sequence[float], turns: Sequence[tuple[int, int, float]]
 ) -> tuple[int, float]:
     """(contradictions, deviation): the less the better."""
-    wrong = sum(_contradicts(names[a], names[b], angle) for a, b, angle in turns)
+    wrong = 0
+    for a, b, angle in turns:
+        named, side = name_turn(names[a], names[b]), "left" if angle > 0 else "right"
+        wrong += named != "straight" if abs(angle) < CLEARLY_STRAIGHT else False
+        wrong += named != side if abs(angle) > CLEARLY_TURNED else False
     off = [
         abs(math.remainder(bearing - compute_bearing(name), math.tau))
         for name, bearing in zip(names, bearings, strict=True)
@@ -251,10 +253,3 @@ def _score_naming(
     )
     far = sum(each > math.radians(67.5) for each in off)
     return far + wrong, sum(each**2 for each in off) + 0.35 * diagonal
-
-
-def _contradicts(entry: Compass, exit_: Compass, angle: float) -> bool:
-    named = name_turn(entry, exit_)
-    if abs(angle) < CLEARLY_STRAIGHT:
-        return named != "straight"
-    return abs(angle) > CLEARLY_TURNED and named != ("left" if angle > 0 else "right")

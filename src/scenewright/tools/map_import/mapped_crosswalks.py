@@ -180,7 +180,12 @@ def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoic
     for k, own in sorted(found.items()):
         stages = _choose_stages(own, legs[k])
         by_leg[k] = MappedCrosswalk(tuple(stages))
-        left_out += [(x.crossing, k, _say_why_left_out(x, stages)) for x in own if x not in stages]
+        for x in (each for each in own if each not in stages):
+            near = min(math.dist(x.middle, each.middle) for each in stages)
+            why = f"a leg has one crosswalk here; this one lies {near:.0f} m from the one taken"
+            if near < _SAME_PLACE:
+                why = f"is drawn twice, {near:.1f} m beside the one taken"
+            left_out.append((x.crossing, k, why))
     return CrossingChoice(by_leg, tuple(left_out))
 
 
@@ -242,7 +247,9 @@ def _find_leg(crossing: SurveyCrossing, ways: Sequence[_Way]) -> LegCrossing | s
     """The leg whose lanes a crossing crosses, or why there is none."""
     turned = _turn_crossing(crossing)
     for each in (crossing, *([turned] if turned is not None else [])):
-        met = [own for way in ways if (own := list(way.list_meetings(_stretch(each.line))))]
+        ahead = (each.line[1] - each.line[0]) / max(math.dist(*each.line), 1e-9)
+        line = each.line + np.outer([-0.5, 0.5], ahead)  # marks begin beside the kerb
+        met = [own for way in ways if (own := list(way.list_meetings(line)))]
         if met:
             return _count_votes(each, met)
     return "crosses no lane of this junction within 35 m"
@@ -283,12 +290,6 @@ def _join_stages(placed: Sequence[LegCrossing]) -> Iterator[LegCrossing]:
             yield replace(each, leg=leg, distance=away)
         else:
             yield each
-
-
-def _stretch(line: FloatArray) -> FloatArray:
-    """A line half a metre longer at either end: marks begin beside the kerb."""
-    ahead = (line[1] - line[0]) / max(float(np.hypot(*(line[1] - line[0]))), 1e-9)
-    return np.array([line[0] - 0.5 * ahead, line[1] + 0.5 * ahead])
 
 
 def _turn_crossing(crossing: SurveyCrossing) -> SurveyCrossing | None:
@@ -338,10 +339,3 @@ def _goes_on(a: LegCrossing, b: LegCrossing) -> bool:
     lines = [each.crossing.line[1] - each.crossing.line[0] for each in (a, b)]
     cosines = [abs(float(line @ between)) / (far * float(np.hypot(*line))) for line in lines]
     return min(cosines) > math.cos(_STEEPEST)
-
-
-def _say_why_left_out(crossing: LegCrossing, stages: Sequence[LegCrossing]) -> str:
-    near = min(float(np.hypot(*(crossing.middle - each.middle))) for each in stages)
-    if near < _SAME_PLACE:
-        return f"is drawn twice, {near:.1f} m beside the one taken"
-    return f"a leg has one crosswalk here; this one lies {near:.0f} m from the one taken"

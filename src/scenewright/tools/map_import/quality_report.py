@@ -138,10 +138,12 @@ _CLOSE = 1.5
 
 def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
     """As drawn counts fully, far from its place or with pieces left out half, lost not at all."""
-    scores = [_rate_crosswalk(fact) for fact in facts]
-    known = [score for score in scores if score is not None]
     read = [fact for fact in facts if fact.origin == "file"]
     lost = [f for f in facts if f.origin in ("derived", "none") and f.left_out]
+    known = [0.0 for _ in lost]
+    for fact in read:
+        whole = all("twice" in line for line in fact.left_out)
+        known.append(1.0 if whole and (fact.offset or 0.0) <= _CLOSE else 0.5)
     if not known:
         return ReportItem("crosswalks", "derived", None, "the file draws none on these legs")
     exact = sum(fact.offset is not None and fact.offset <= _CLOSE for fact in read)
@@ -151,13 +153,6 @@ def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
     detail += f", {others} derived" if others else ""
     state = "read" if len(read) == len(facts) else "partly read" if read else "derived"
     return ReportItem("crosswalks", state, round(sum(known) / len(known), 3), detail)
-
-
-def _rate_crosswalk(fact: CrosswalkFact) -> float | None:
-    if fact.origin != "file":
-        return 0.0 if fact.left_out and fact.origin != "learned" else None
-    whole = not any("twice" not in line for line in fact.left_out)
-    return 1.0 if whole and (fact.offset or 0.0) <= _CLOSE else 0.5
 
 
 def build_report(

@@ -247,7 +247,8 @@ def _list_junctions(net: Any, found: Sequence[Ring], file: Path) -> Iterator[Jun
         seen.add((start, end))
         name, kind = _read_street(edge), str(edge.getType() or "")
         is_ring, is_slip = edge.getID() in rings, kind.endswith("_link")
-        pieces.append(StreetPiece(start, end, _get_middle(edge), name, not both, is_ring, is_slip))
+        line = drop_doubled_points(np.array([places[start], *_get_shape(edge), places[end]]))
+        pieces.append(StreetPiece(start, end, line, name, not both, is_ring, is_slip))
     refused = {
         net.getEdge(name).getToNode().getID(): f"{ring.refusal}; {OTHER_SOURCE}"
         for ring in found
@@ -318,13 +319,6 @@ def _is_for_cars(lane: Any) -> bool:
     return bool(lane.allows("passenger")) and not 0.0 < float(lane.getWidth()) < NARROWEST
 
 
-def _get_middle(edge: Any) -> FloatArray:
-    """[P, 2] the line of an edge from the middle of one node to that of the next [m]."""
-    ends = (node.getCoord()[:2] for node in (edge.getFromNode(), edge.getToNode()))
-    start, end = (np.array([xy], dtype=float) for xy in ends)
-    return drop_doubled_points(np.concatenate([start, _get_shape(edge), end]))
-
-
 def _get_shape(part: Any) -> FloatArray:
     """[P, 2] the line of an edge or a lane [m]."""
     return np.asarray(np.array(part.getShape())[:, :2])
@@ -350,7 +344,10 @@ def _survey_nodes(
     nodes = [net.getNode(name) for name in sorted(group.nodes)]
     outlines = [_get_shape(node) for node in nodes if node.getShape()]
     outlines = [outline for outline in outlines if len(outline) > 2]
-    middle = _find_middle(group, nodes, outlines)
+    middle = np.array(group.xy).round(3)
+    if len(nodes) == 1:
+        own = np.array(nodes[0].getCoord()[:2], dtype=float)
+        middle = outlines[0].mean(axis=0) if outlines else own
     roads_in = [
         edge
         for node in nodes
@@ -409,7 +406,12 @@ def _survey_nodes(
         file_origin=origin,
         lost=len(approaches) - len(used[0]) + len(exits) - len(used[1]),
         notes=[
-            *_describe_parts(group),
+            *([ROUNDABOUT] if group.is_roundabout else []),
+            *(
+                f"{len(group.nodes)} nodes that lie close together are one intersection"
+                for _ in group.nodes
+                if len(group.nodes) > 1 and not group.is_roundabout
+            ),
             *told,
             *describe_strips(
                 lane.allows("passenger") and not _is_for_cars(lane)
@@ -442,23 +444,6 @@ def _choose_title(names: Sequence[str], group: Junction) -> str:
 _MOST_NAMES = 6
 _LONGEST_ID = 24
 """netconvert names a joined junction after all its nodes."""
-
-
-def _describe_parts(group: Junction) -> Iterator[str]:
-    if group.is_roundabout:
-        yield ROUNDABOUT
-    elif len(group.nodes) > 1:
-        yield f"{len(group.nodes)} nodes that lie close together are one intersection"
-
-
-def _find_middle(
-    group: Junction, nodes: Sequence[Any], outlines: Sequence[FloatArray]
-) -> FloatArray:
-    if len(nodes) == 1 and outlines:
-        return np.asarray(outlines[0].mean(axis=0))
-    if len(nodes) == 1:
-        return np.array(nodes[0].getCoord()[:2], dtype=float)
-    return np.asarray(np.array(group.xy).round(3))
 
 
 def _is_street(edge: Any) -> bool:
@@ -536,12 +521,23 @@ def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
     line = _get_shape(lane)
     here, reach = lane, measure_length(line)
     for _ in range(20):
-        beyond = None if reach >= _LANE_REACH else _find_straight_lane(here, inwards=inwards)
-        if beyond is None:
+        pairs = (
+            [(x, here) for x in here.getIncoming() if not _is_internal(x)]
+            if inwards
+            else [(here, link.getToLane()) for link in here.getOutgoing()]
+        )
+        turns = []
+        for first, second in pairs if reach < _LANE_REACH else ():
+            a, b, beyond = _get_shape(first), _get_shape(second), first if inwards else second
+            turn = abs(measure_turn(a[-1] - a[-2], b[1] - b[0]))
+            if turn < _STRAIGHT and _is_for_cars(beyond):
+                turns.append((turn, beyond.getID(), beyond))
+        if not turns:
             break
-        more = _get_shape(beyond)
+        here = min(turns)[2]
+        more = _get_shape(here)
         line = np.concatenate([more, line] if inwards else [line, more])
-        here, reach = beyond, reach + measure_length(more)
+        reach += measure_length(more)
     return SurveyLane(
         id=lane.getID(),
         line=line - middle,
@@ -551,29 +547,8 @@ def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
     )
 
 
-def _find_straight_lane(lane: Any, *, inwards: bool) -> Any | None:
-    """The lane before (or behind) that leads straight into this one, if there is one."""
-    if inwards:
-        found = [(x, _measure_turn(x, lane)) for x in lane.getIncoming() if not _is_internal(x)]
-    else:
-        following = (link.getToLane() for link in lane.getOutgoing())
-        found = [(other, _measure_turn(lane, other)) for other in following]
-    straight = [
-        (turn, other.getID(), other)
-        for other, turn in found
-        if turn < _STRAIGHT and _is_for_cars(other)
-    ]
-    return min(straight)[2] if straight else None
-
-
 def _is_internal(lane: Any) -> bool:
     return bool(lane.getEdge().getFunction())
-
-
-def _measure_turn(first: Any, second: Any) -> float:
-    """The angle between the end of one lane and the beginning of another [rad]."""
-    a, b = _get_shape(first), _get_shape(second)
-    return abs(measure_turn(a[-1] - a[-2], b[1] - b[0]))
 
 
 def _trace_connection(net: Any, link: Any) -> FloatArray:
