@@ -366,6 +366,13 @@ class _Assembly:
                 if connection.light is not None:
                     turn = round(abs(self._measure_turn(connection)), 1)
                     found.setdefault(self.names[entry], []).append((turn, connection.light))
+        # By crosswalk, the survey's lights of its stages.
+        walks = {}
+        for k, placed in self.placements.items():
+            stages = () if placed.mapped is None else placed.mapped.stages
+            lights = [x.crossing.light for x in stages if x.crossing.light is not None]
+            if lights and len(lights) == len(stages):
+                walks[f"{self.names[k]}:crosswalk"] = lights
         program, self.signal_item = build_signal_program(
             self.survey,
             SignalInput(
@@ -375,7 +382,7 @@ class _Assembly:
                     leg: [light for turn, light in each if turn <= min(each)[0] + 0.2]
                     for leg, each in found.items()
                 },
-                walks=self._find_walk_lights(),
+                walks=walks,
                 groups={
                     self.names[k]: name
                     for k, name in find_lit_legs(self.survey, self.legs, self.crossings).items()
@@ -401,16 +408,6 @@ class _Assembly:
             for first, second in combinations(lines, 2)
             if first[1] != second[1] and lines[first].crosses(lines[second])
         }
-
-    def _find_walk_lights(self) -> dict[str, tuple[str, ...]]:
-        """By crosswalk, the survey's lights of its stages."""
-        found = {}
-        for k, placed in self.placements.items():
-            stages = () if placed.mapped is None else placed.mapped.stages
-            lights = [stage.crossing.light for stage in stages]
-            if lights and None not in lights:
-                found[f"{self.names[k]}:crosswalk"] = tuple(x for x in lights if x is not None)
-        return found
 
     def _find_straight_pairs(self) -> set[tuple[Compass, Compass]]:
         """By entry, the exit that it leads to with the least turning, if that is no turn."""

@@ -106,18 +106,12 @@ def list_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
     lanes += [(lane, False) for lane in survey.exits.values()]
     arms = [Arm(orient_outwards(*x), x[0].road, "in" if x[1] else "out") for x in lanes]
     legs = [_build_leg([lanes[i] for i in own]) for own in group_arms(arms)]
-    legs.sort(key=_measure_place_angle)
+    # By where they lie: the bearings of two streets that run side by side do not order them.
+    legs.sort(
+        key=lambda leg: float(np.angle(complex(*leg.throat) + _FAR_OUT * np.exp(1j * leg.bearing)))
+    )
     first = min(range(len(legs)), key=lambda k: legs[k].bearing, default=0)
     return (*legs[first:], *legs[:first])
-
-
-def _measure_place_angle(leg: SurveyLeg) -> float:
-    """The direction in which a leg lies, seen from the middle of the junction [rad].
-
-    It orders two streets that run side by side, whose bearings do not.
-    """
-    x, y = leg.throat + _FAR_OUT * np.array([math.cos(leg.bearing), math.sin(leg.bearing)])
-    return math.atan2(y, x)
 
 
 class Arm(NamedTuple):

@@ -19,6 +19,8 @@ _ASSUMED_WIDTH = 4.0
 """Of a crossing [m]; OpenStreetMap seldom says."""
 _SAME_PLACE = 3.0
 """A crossing's way and node on one road that lie closer are the same [m]."""
+_CROSSINGS = (("crossing", True), ("crossing", False), ("traffic_signals", True))
+"""Values of the tag `highway` of nodes that are crossings, and whether they have one more tag."""
 _UNMARKED = ("unmarked", "no", "informal")
 _SIGNALISED = {"traffic_signals": True, "uncontrolled": False, "zebra": False, "unmarked": False}
 _MOST_ASKEW = math.radians(50.0)
@@ -40,7 +42,8 @@ def list_osm_crossings(osm: OsmFile, middle: FloatArray) -> list[SurveyCrossing]
         places = [
             (geos.Point(osm.nodes[n]), f"node {n}", osm.node_tags[n], way_at.get(n))
             for n in nodes
-            if _is_crossing_node(osm.node_tags.get(n, {}))
+            if (own := osm.node_tags.get(n, {})).get("crossing") != "no"
+            and (own.get("highway"), "crossing" in own) in _CROSSINGS
         ]
         places += [
             (point, f"way {walks[k][0]}", {}, k)
@@ -98,13 +101,6 @@ def list_osm_lines(osm: OsmFile) -> Mapping[str, list[FloatArray]]:
     found["crossing_nodes"] = [at for at, tags in tagged if tags.get("highway") == "crossing"]
     found["lights"] = [at for at, tags in tagged if "traffic_signals" in tags.values()]
     return found
-
-
-def _is_crossing_node(tags: Tags) -> bool:
-    kind, crossing = tags.get("highway"), tags.get("crossing")
-    return crossing != "no" and (
-        kind == "crossing" or (kind == "traffic_signals" and crossing is not None)
-    )
 
 
 def _list_crossing_ways(osm: OsmFile) -> Iterator[tuple[str, Tags, list[str]]]:

@@ -64,9 +64,9 @@ class OsmTurns:
         edge: Any,
         roads_out: Sequence[Any],
         lanes: Mapping[str, SurveyLane],
-        ways: Sequence[SurveyConnection],
+        ways: list[SurveyConnection],
         reached: Mapping[str, FloatArray],
-    ) -> tuple[Sequence[SurveyConnection], list[str]]:
+    ) -> tuple[list[SurveyConnection], list[str]]:
         """The ways from an edge that the file allows, from the lanes that it marks for them.
 
         Also what the marks contradict, and what they leave out.
@@ -91,9 +91,10 @@ class OsmTurns:
             if met or ids & reached.keys():
                 streets.append((_measure_turn(marked[-1][0].line, out[0].line), out, met))
         said = {way.exit for _, _, met in streets for way in met}
-        found = [way for way in ways if way.exit not in said]
+        is_guessed_whole = not any(marks) and all(met for _, _, met in streets)
+        found = [way for way in ways if is_guessed_whole or way.exit not in said]
         named = {"reverse", "merge_to_left", "merge_to_right"}
-        for turn, out, met in streets:
+        for turn, out, met in () if is_guessed_whole else streets:
             names = _name_turn(turn, is_straightest=abs(turn) == min(abs(x[0]) for x in streets))
             named |= names
             fit = [lane for lane, own in marked if own & names]

@@ -368,6 +368,8 @@ def _survey_nodes(
         }
         for roads, inwards in ((roads_in, True), (roads_out, False))
     )
+    parts = [f"{len(nodes)} nodes that lie close together are one intersection"]
+    parts = [ROUNDABOUT] if group.is_roundabout else parts if len(nodes) > 1 else []
     connections: list[SurveyConnection] = []
     told: list[str] = []
     for edge in roads_in:
@@ -406,12 +408,7 @@ def _survey_nodes(
         file_origin=origin,
         lost=len(approaches) - len(used[0]) + len(exits) - len(used[1]),
         notes=[
-            *([ROUNDABOUT] if group.is_roundabout else []),
-            *(
-                f"{len(group.nodes)} nodes that lie close together are one intersection"
-                for _ in group.nodes
-                if len(group.nodes) > 1 and not group.is_roundabout
-            ),
+            *parts,
             *told,
             *describe_strips(
                 lane.allows("passenger") and not _is_for_cars(lane)
