@@ -20,10 +20,9 @@ from scenewright.scene.social import AgentNode, EntrySide, RelationEdge, SocialG
 from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
 from scenewright.tools.map_grounding.orders import (
-    can_be_ordered,
-    keeps_order,
+    ORDERED,
+    find_wrong_order,
     keeps_striker,
-    refuse_wrong_orders,
 )
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
@@ -109,7 +108,9 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     faults = chain(_find_collision_faults(graph), _find_reaction_faults(graph))
     if (fault := next(faults, None)) is not None:
         raise _reject(*fault)
-    refuse_wrong_orders(graph)
+    for edge in graph.relations:
+        if edge.first is not None and (why := find_wrong_order(edge, graph)) is not None:
+            raise _reject((edge.from_, edge.to), why)
     grounding = Grounding(routes=routes)
     refuse_unhidden(
         graph, intersection_map, playable=lambda g: _is_playable(g, grounding, intersection_map)
@@ -486,7 +487,8 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         and not (by_red and pattern.entries == "same")
         # Who leaves its path as a reaction must meet another that crosses it.
         and (pattern.geometry == "crossing" or not leaves_path)
-        and can_be_ordered(pattern, edge)
+        # The order of passing, if one is asked for, must show.
+        and (edge.first is None or pattern.geometry in ORDERED)
     ]
 
 
@@ -520,7 +522,9 @@ def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, s
     return [
         each
         for each in orders
-        if keeps_order(edge, pattern, each) and keeps_striker(edge, pattern, each)
+        if None in (edge.first, pattern.order)
+        or edge.first == each[("from", "to").index(str(pattern.order))]
+        if keeps_striker(edge, pattern, each)
     ]
 
 

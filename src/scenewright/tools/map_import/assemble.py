@@ -229,7 +229,14 @@ class _Assembly:
             if why:
                 self.refused[k] = why
         kept: dict[int, CrosswalkPlacement] = {}
-        for k, placed in sorted(found.items(), key=lambda each: _rank_placement(*each)):
+        # Of two that cross, that stays which lies nearest to the middle of the file's.
+        off = {
+            k: math.inf
+            if placed is None or placed.mapped is None
+            else round(math.dist(placed.middle, placed.mapped.middle), 3)
+            for k, placed in found.items()
+        }
+        for k, placed in sorted(found.items(), key=lambda each: (off[each[0]], each[0])):
             if placed is None:
                 self._add_note(f"no crosswalk found room on the {self.names[k]} leg")
             elif crossed := [j for j, other in sorted(kept.items()) if placed.crosses(other)]:
@@ -632,13 +639,6 @@ class _Assembly:
             name = f"{leg}:goal:sidewalk_{number}"
             fields = {"id": name, "type": "pedestrian", "leg": leg, "polygon": area}
             yield GoalRegion.model_validate(fields)
-
-
-def _rank_placement(k: int, placed: CrosswalkPlacement | None) -> tuple[bool, float, int]:
-    """Which crosswalk stays where two cross, the least first: that nearest to the file's middle."""
-    if placed is None or placed.mapped is None:
-        return True, 0.0, k
-    return False, round(math.dist(placed.middle, placed.mapped.middle), 3), k
 
 
 def _choose_extent(legs: Sequence[SurveyLeg], wanted: float | None, crossings: float) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.geometry.polyline import measure_length, rotate_left
+from scenewright.geometry.polyline import measure_length, measure_turn, rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.legs import SurveyLeg
 from scenewright.tools.map_import.map_parts import geos, list_points
@@ -218,20 +218,16 @@ class _Way:
         """
         for point in list_points(geos.intersection(self.line, geos.LineString(line))):
             s = float(geos.line_locate_point(self.line, point))
-            if self._measure_angle(s, line) < _LEAST_ANGLE:
+            a, b = (
+                np.array(geos.line_interpolate_point(self.line, max(s + d, 0.0)).coords[0])
+                for d in (-1.0, 1.0)
+            )
+            if abs(math.sin(measure_turn(line[1] - line[0], b - a))) < math.sin(_LEAST_ANGLE):
                 continue
             for side, away in enumerate((self.begin - s, s - self.end)):
                 other_side = s - self.end if side == 0 else self.begin - s
                 if -_DEEPEST < away < _FARTHEST and other_side <= 0.0:
                     yield self.legs[side], self.lanes[side], away
-
-    def _measure_angle(self, s: float, line: FloatArray) -> float:
-        a, b = (
-            np.array(geos.line_interpolate_point(self.line, max(s + d, 0.0)).coords[0])
-            for d in (-1.0, 1.0)
-        )
-        turn = math.atan2(*(b - a)[::-1]) - math.atan2(*(line[1] - line[0])[::-1])
-        return abs(math.asin(min(abs(math.sin(turn)), 1.0)))
 
 
 def _prolong(line: FloatArray) -> FloatArray:

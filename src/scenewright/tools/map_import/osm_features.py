@@ -62,8 +62,21 @@ def list_osm_crossings(osm: OsmFile, middle: FloatArray) -> list[SurveyCrossing]
                 c, d = (np.array(walk.interpolate(max(w + x, 0.0)).coords[0]) for x in (-0.1, 0.1))
                 drawn = (d - c) / max(float(np.hypot(*(d - c))), 1e-9)
                 across = drawn if abs(drawn @ straight) > math.cos(_MOST_ASKEW) else straight
-            crossing = _build_crossing(
-                np.array(point.coords[0]), across, road, known, source, limits
+            # [m] the lanes that are tagged, else one for each direction; and a little beside them.
+            is_oneway = is_one_way(road)
+            lanes = read_number(road.get("lanes")) or (1.5 if is_oneway else 2.0)
+            half = (_LANE * max(lanes, 1.0) + (1.0 if is_oneway else 3.0)) / 2
+            kind = known.get("crossing", "")
+            lit = "traffic_signals" if known.get("crossing:signals") == "yes" else kind
+            crossing = SurveyCrossing(
+                np.array(point.coords[0]) + np.outer([-half, half], across),
+                read_number(known.get("width")) or _ASSUMED_WIDTH,
+                source=source,
+                is_bounded=False,
+                is_marked=kind not in _UNMARKED and known.get("crossing:markings") != "no",
+                has_island=known.get("crossing:island") == "yes",
+                is_signalised=_SIGNALISED.get(lit),
+                limits=limits,
             )
             ends_here = not 0.1 < s < line.length - 0.1
             found.append((source.startswith("way"), ends_here, crossing))
@@ -114,28 +127,3 @@ def _list_crossing_ways(osm: OsmFile) -> Iterator[tuple[str, Tags, list[str]]]:
         known = [node for node in nodes if node in osm.nodes]
         if is_crossing and on_foot and len(known) > 1:
             yield name, tags, known
-
-
-def _build_crossing(
-    place: FloatArray,
-    across: FloatArray,
-    road: Tags,
-    known: Tags,
-    source: str,
-    limits: FloatArray | None,
-) -> SurveyCrossing:
-    # [m] the lanes that are tagged, else one for each direction; and a little beside them.
-    is_oneway = is_one_way(road)
-    lanes = read_number(road.get("lanes")) or (1.5 if is_oneway else 2.0)
-    half = (_LANE * max(lanes, 1.0) + (1.0 if is_oneway else 3.0)) / 2
-    signals = known.get("crossing:signals") == "yes"
-    return SurveyCrossing(
-        place + np.outer([-half, half], across),
-        read_number(known.get("width")) or _ASSUMED_WIDTH,
-        source=source,
-        is_bounded=False,
-        is_marked=known.get("crossing") not in _UNMARKED and known.get("crossing:markings") != "no",
-        has_island=known.get("crossing:island") == "yes",
-        is_signalised=_SIGNALISED.get("traffic_signals" if signals else known.get("crossing", "")),
-        limits=limits,
-    )

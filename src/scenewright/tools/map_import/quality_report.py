@@ -117,19 +117,16 @@ def list_crosswalk_notes(facts: Sequence[CrosswalkFact]) -> Iterator[str]:
     reasons: dict[str, list[str]] = {}
     for fact in facts:
         if fact.origin == "derived":
-            reasons.setdefault(_say_why_derived(fact), []).append(fact.leg)
+            why = f"no crossing was found in the file within {_NEAR:.0f} m"
+            if fact.left_out:
+                why = "what the file draws there does not fit"
+            elif fact.nearest is not None and fact.nearest <= _NEAR:
+                why = f"the file's nearest crossing, {fact.nearest:.0f} m away, is not on this leg"
+            reasons.setdefault(why, []).append(fact.leg)
     for reason, legs in reasons.items():
         yield f"crosswalk derived on {', '.join(legs)}, 4 m wide, where the leg is narrow: {reason}"
     for fact in facts:
         yield from (f"crossing not on the map, {fact.leg}: {line}" for line in fact.left_out)
-
-
-def _say_why_derived(fact: CrosswalkFact) -> str:
-    if fact.left_out:
-        return "what the file draws there does not fit"
-    if fact.nearest is None or fact.nearest > _NEAR:
-        return f"no crossing was found in the file within {_NEAR:.0f} m"
-    return f"the file's nearest crossing, {fact.nearest:.0f} m away, is not on this leg"
 
 
 _CLOSE = 1.5

@@ -106,16 +106,15 @@ class FileLanelet:
         longest = max(measure_length(self.left), measure_length(self.right))
         if not longest < _LONGEST_LANELET:
             raise InputError(f"lanelet {self.id[:40]} is {longest:.3g} m long; this cannot be")
-        sides = self._resample_sides(max(round(longest / 0.5), 4))
-        object.__setattr__(self, "middle", (sides[0] + sides[1]) / 2)
-
-    def _resample_sides(self, count: int) -> list[FloatArray]:
-        return [resample_to_count(side, count) for side in (self.left, self.right)]
+        count = max(round(longest / 0.5), 4)
+        left, right = (resample_to_count(side, count) for side in (self.left, self.right))
+        object.__setattr__(self, "middle", (left + right) / 2)
 
     @cached_property
     def width(self) -> float:
         """The median over its length [m]."""
-        left, right = self._resample_sides(len(self.middle))
+        count = len(self.middle)
+        left, right = (resample_to_count(side, count) for side in (self.left, self.right))
         return float(np.median(np.hypot(*(left - right).T)))
 
     @property
@@ -393,11 +392,6 @@ class FileElements:
     way_tags: dict[str, dict[str, str]] = field(default_factory=dict)
     relations: list[tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=list)
     rules: dict[str, tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=dict)
-
-    def list_crosswalk_bounds(self) -> set[str]:
-        """Ids of the ways along crosswalk lanelets."""
-        own = [members for tags, members in self.relations if tags.get("subtype") == "crosswalk"]
-        return {ref for members in own for _, ref in members}
 
 
 def read_elements(file: Path) -> FileElements:
