@@ -55,6 +55,43 @@ def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
     assert not can_serve(pattern, turning, ahead, intersection_map=parted)
 
 
+def test_a_hook_from_a_lane_beside_the_riders_is_refused_with_both_lanes(place):
+    pattern = get_pattern("rider_right_hook_near_miss")
+    turning, ahead = (
+        route(place, f"vehicle:north>{name}") for name in ("west:right", "south:straight")
+    )
+    assert can_serve(pattern, turning, ahead, intersection_map=place)
+    [lane] = (x for x in place.lanelets if x.id == "north:approach:1")
+    kerb = lane.model_copy(update={"id": "north:approach:2"})
+    parted = place.model_copy(
+        update={
+            "lanelets": (*place.lanelets, kerb),
+            "movements": tuple(
+                m.model_copy(update={"lanelets": (kerb.id, *m.lanelets[1:])})
+                if m.id == "north>west:right"
+                else m
+                for m in place.movements
+            ),
+        }
+    )
+    assert not can_serve(pattern, turning, ahead, intersection_map=parted)
+    agents = [("vehicle-1", "vehicle", "right"), ("cyclist-1", "cyclist", "straight")]
+    nodes = [
+        AgentNode(id=name, type=kind, entry="north", movement=turn) for name, kind, turn in agents
+    ]
+    edge = RelationEdge.model_validate(
+        {"type": "near_miss", "from": "vehicle-1", "to": "cyclist-1", "pattern": pattern.id}
+    )
+    graph = SocialGraph(agents=tuple(nodes), relations=(edge,), context=SceneContext())
+    with pytest.raises(Rejected) as refused:
+        ground_graph(graph, intersection_map=parted)
+    why = refused.value.rejection.detail
+    assert (
+        "they come on lanes of their own, vehicle-1 by north:approach:2 and cyclist-1 by north"
+        in why
+    )
+
+
 def test_who_leaves_on_lanes_of_their_own_is_told_by_which(place):
     [lane] = (x for x in place.lanelets if x.id == "east:exit:1")
     turn, merge = "north>east:left", "south>east:right"

@@ -20,10 +20,9 @@ from scenewright.scene.route_table import make_route
 from scenewright.scene.social import AgentNode, EntrySide, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
 from scenewright.tools.map_grounding.orders import (
-    can_be_ordered,
-    keeps_order,
+    ORDERED,
+    find_wrong_order,
     keeps_striker,
-    refuse_wrong_orders,
 )
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
@@ -109,7 +108,9 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     faults = chain(_find_collision_faults(graph), _find_reaction_faults(graph))
     if (fault := next(faults, None)) is not None:
         raise _reject(*fault)
-    refuse_wrong_orders(graph)
+    for edge in graph.relations:
+        if edge.first is not None and (why := find_wrong_order(edge, graph)) is not None:
+            raise _reject((edge.from_, edge.to), why)
     grounding = Grounding(routes=routes)
     refuse_unhidden(
         graph, intersection_map, playable=lambda g: _is_playable(g, grounding, intersection_map)
@@ -129,7 +130,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
             detail = (
                 f"the routes of {edge.from_} and {edge.to} do not meet "
                 f"so that '{_format_edge(edge)}' could happen at {intersection_map.title}"
-                f"{_describe_exit_lanes(edge, routes, intersection_map)}"
+                f"{_describe_lanes(edge, routes, intersection_map)}"
             )
         raise _reject((edge.from_, edge.to), detail)
     if len(graph.relations) != 1 and not _is_playable(graph, grounding, intersection_map):
@@ -486,7 +487,8 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         and not (by_red and pattern.entries == "same")
         # Who leaves its path as a reaction must meet another that crosses it.
         and (pattern.geometry == "crossing" or not leaves_path)
-        and can_be_ordered(pattern, edge)
+        # The order of passing, if one is asked for, must show.
+        and (edge.first is None or pattern.geometry in ORDERED)
     ]
 
 
@@ -520,7 +522,9 @@ def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, s
     return [
         each
         for each in orders
-        if keeps_order(edge, pattern, each) and keeps_striker(edge, pattern, each)
+        if None in (edge.first, pattern.order)
+        or edge.first == each[("from", "to").index(str(pattern.order))]
+        if keeps_striker(edge, pattern, each)
     ]
 
 
@@ -598,7 +602,8 @@ def _is_geometry_fitting(
         case "same_lane":
             return a.entry == b.entry and _share_a_lane(a, b, intersection_map)
         case "turn_across":
-            return a.entry == b.entry and a.exit != b.exit
+            # Who turns off from a lane of its own beside the other's never crosses its way.
+            return a.exit != b.exit and a.entry == b.entry and _share_a_lane(a, b, intersection_map)
         case "same_way" | "overtaking" | "cutting_in":
             return a.entry == b.entry and a.exit == b.exit
         case "lane_change":
@@ -804,21 +809,23 @@ def _is_playable(
     return next(found, None) is not None
 
 
-def _describe_exit_lanes(
+def _describe_lanes(
     edge: RelationEdge, routes: Mapping[str, Sequence[Route]], intersection_map: IntersectionMap
 ) -> str:
-    """The lanes on which each leaves, where both leave by one leg on lanes of their own."""
-    exits = {lane.id for lane in intersection_map.lanelets if lane.kind == "exit"}
-    lanes: dict[str, set[str]] = {edge.from_: set(), edge.to: set()}
-    for a, b in product(routes[edge.from_], routes[edge.to]):
-        if a.exit == b.exit and a.entry != b.entry:
-            for name, way in ((edge.from_, a), (edge.to, b)):
-                movement = intersection_map.find_movement(way)
-                lanes[name] |= exits.intersection(movement.lanelets if movement else ())
-    if not all(lanes.values()) or not lanes[edge.from_].isdisjoint(lanes[edge.to]):
-        return ""
-    ways = (f"{name} by {', '.join(sorted(own))}" for name, own in lanes.items())
-    return f": they leave on lanes of their own, {' and '.join(ways)}"
+    """The lanes of each, where both come or leave by one leg on lanes of their own."""
+    for kind, words in (("exit", "leave"), ("approach", "come")):
+        held = {lane.id for lane in intersection_map.lanelets if lane.kind == kind}
+        lanes: dict[str, set[str]] = {edge.from_: set(), edge.to: set()}
+        for a, b in product(routes[edge.from_], routes[edge.to]):
+            same = (a.exit == b.exit, a.entry == b.entry)
+            if same == (kind == "exit", kind == "approach"):
+                for name, way in ((edge.from_, a), (edge.to, b)):
+                    movement = intersection_map.find_movement(way)
+                    lanes[name] |= held.intersection(movement.lanelets if movement else ())
+        if all(lanes.values()) and lanes[edge.from_].isdisjoint(lanes[edge.to]):
+            ways = (f"{name} by {', '.join(sorted(own))}" for name, own in lanes.items())
+            return f": they {words} on lanes of their own, {' and '.join(ways)}"
+    return ""
 
 
 _SIDE_WORDS: dict[EntrySide, str] = {

@@ -2,29 +2,15 @@
 
 from __future__ import annotations
 
-from scenewright.errors import Rejected
 from scenewright.scene.kinds import has_trait
-from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern
 from scenewright.scene.social import RelationEdge, SocialGraph
 
-_ORDERED = ("crossing", "merging", "turn_across")
+ORDERED = ("crossing", "merging", "turn_across")
 """Geometries with a place that two pass one after the other."""
 
 _LONGEST_PET = 1.4
 """A near miss with a longer PET needs a vehicle that brakes hard [s] (SEMANTICS 4)."""
-
-
-def can_be_ordered(pattern: Pattern, edge: RelationEdge) -> bool:
-    """Whether the order that the relation asks for, if any, can be seen in the pattern."""
-    return edge.first is None or pattern.geometry in _ORDERED
-
-
-def keeps_order(edge: RelationEdge, pattern: Pattern, roles: tuple[str, str]) -> bool:
-    """Return whether an assignment of the roles keeps the order asked for."""
-    if edge.first is None or pattern.order is None:
-        return True
-    return edge.first == roles[("from", "to").index(pattern.order)]
 
 
 def keeps_striker(edge: RelationEdge, pattern: Pattern, roles: tuple[str, str]) -> bool:
@@ -32,17 +18,6 @@ def keeps_striker(edge: RelationEdge, pattern: Pattern, roles: tuple[str, str]) 
     if edge.strikes is None or pattern.striker is None:
         return True
     return edge.strikes == roles[("from", "to").index(pattern.striker)]
-
-
-def refuse_wrong_orders(graph: SocialGraph) -> None:
-    """Raises Rejected, `ungroundable`, if a relation cannot have the order asked for."""
-    for edge in graph.relations:
-        fault = None if edge.first is None else find_wrong_order(edge, graph)
-        if fault is not None:
-            pair = (edge.from_, edge.to)
-            raise Rejected(
-                Rejection(stage="scene_planner", code="ungroundable", agents=pair, detail=fault)
-            )
 
 
 def find_wrong_order(edge: RelationEdge, graph: SocialGraph) -> str | None:

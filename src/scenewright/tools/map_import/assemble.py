@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -228,7 +229,14 @@ class _Assembly:
             if why:
                 self.refused[k] = why
         kept: dict[int, CrosswalkPlacement] = {}
-        for k, placed in sorted(found.items(), key=lambda each: _rank_placement(*each)):
+        # Of two that cross, that stays which lies nearest to the middle of the file's.
+        off = {
+            k: math.inf
+            if placed is None or placed.mapped is None
+            else round(math.dist(placed.middle, placed.mapped.middle), 3)
+            for k, placed in found.items()
+        }
+        for k, placed in sorted(found.items(), key=lambda each: (off[each[0]], each[0])):
             if placed is None:
                 self._add_note(f"no crosswalk found room on the {self.names[k]} leg")
             elif crossed := [j for j, other in sorted(kept.items()) if placed.crosses(other)]:
@@ -256,7 +264,9 @@ class _Assembly:
         placed = self.placements.get(k)
         if placed is None or placed.mapped is None:
             ahead = (line - self.legs[k].throat) @ self.legs[k].outwards
-            stop = 0.0 if placed is None else placed.stop_distance
+            stop = 0.0
+            if placed is not None:
+                stop = placed.distance + placed.width / 2 + ground.STOP_GAP
             return _take_last_run(line, self._is_inside(line) & (ahead >= stop))
         # On to a mapped crosswalk along its straightest way if that lies inside.
         ways = [each for each in self.connections if each.approach == lane.id]
@@ -264,7 +274,8 @@ class _Assembly:
             onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
             line = np.concatenate([line, onwards])
         longer = resample_by_spacing(line, 0.5)
-        met = np.flatnonzero(geos.contains_xy(placed.stop_area, *longer.T))
+        clear = placed.area.buffer(ground.STOP_GAP, join_style="mitre")
+        met = np.flatnonzero(geos.contains_xy(clear, *longer.T))
         kept = longer[: met[0]] if len(met) else line
         return _take_last_run(kept, self._is_inside(kept))
 
@@ -302,22 +313,21 @@ class _Assembly:
             pair: sorted(found, key=sharpness.__getitem__) for pair, found in sorted(groups.items())
         }
 
-    @cached_property
-    def missing(self) -> list[tuple[int, int]]:
-        """Entries and exits, by leg, between which no way leads."""
-        entries = [k for k, leg in enumerate(self.legs) if leg.approaches]
-        exits = [k for k, leg in enumerate(self.legs) if leg.exits]
-        return [
-            pair for pair in product(entries, exits)
-            if pair[0] != pair[1] and pair not in self.by_movement
-        ]  # fmt: skip
-
     def build_map(self, name: str, title: str | None, signals: str) -> IntersectionMap:
         lanelets = tuple(self._build_lanelets())
         stop_lines = tuple(self._build_stop_lines())
         crosswalks = tuple(self._build_crosswalks())
-        for a, b in self.missing:
-            self._add_note(f"no way leads from {self.names[a]} to {self.names[b]}")
+        entries, exits = (
+            [k for k, leg in enumerate(self.legs) if lanes(leg)]
+            for lanes in (attrgetter("approaches"), attrgetter("exits"))
+        )
+        for a, b in product(entries, exits):
+            own = [self.connections[i] for i in self.by_movement.get((a, b), ())]
+            between = f"from {self.names[a]} to {self.names[b]}"
+            if not own and a != b:
+                self._add_note(f"no way leads {between}")
+            elif own and all(each.is_added for each in own):
+                self._add_note(f"the way {between} was added: the file allows it, no line is drawn")
         program = self._build_signals(crosswalks, signals)
         movements = self._build_movements(program)
         lines = {m.id: self.vehicle_lines[f"vehicle:{m.id}"] for m in movements}
@@ -363,6 +373,13 @@ class _Assembly:
                 if connection.light is not None:
                     turn = round(abs(self._measure_turn(connection)), 1)
                     found.setdefault(self.names[entry], []).append((turn, connection.light))
+        # By crosswalk, the survey's lights of its stages.
+        walks = {}
+        for k, placed in self.placements.items():
+            stages = () if placed.mapped is None else placed.mapped.stages
+            lights = [x.crossing.light for x in stages if x.crossing.light is not None]
+            if lights and len(lights) == len(stages):
+                walks[f"{self.names[k]}:crosswalk"] = lights
         program, self.signal_item = build_signal_program(
             self.survey,
             SignalInput(
@@ -372,7 +389,7 @@ class _Assembly:
                     leg: [light for turn, light in each if turn <= min(each)[0] + 0.2]
                     for leg, each in found.items()
                 },
-                walks=self._find_walk_lights(),
+                walks=walks,
                 groups={
                     self.names[k]: name
                     for k, name in find_lit_legs(self.survey, self.legs, self.crossings).items()
@@ -398,16 +415,6 @@ class _Assembly:
             for first, second in combinations(lines, 2)
             if first[1] != second[1] and lines[first].crosses(lines[second])
         }
-
-    def _find_walk_lights(self) -> dict[str, tuple[str, ...]]:
-        """By crosswalk, the survey's lights of its stages."""
-        found = {}
-        for k, placed in self.placements.items():
-            stages = () if placed.mapped is None else placed.mapped.stages
-            lights = [stage.crossing.light for stage in stages]
-            if lights and None not in lights:
-                found[f"{self.names[k]}:crosswalk"] = tuple(x for x in lights if x is not None)
-        return found
 
     def _find_straight_pairs(self) -> set[tuple[Compass, Compass]]:
         """By entry, the exit that it leads to with the least turning, if that is no turn."""
@@ -512,8 +519,8 @@ class _Assembly:
             for each in self.survey.connections
             if each not in self.connections
         )
-        unexpected = 0 if self.survey.barred is None else len(self.missing) - self.survey.barred
-        held = kept + back + self.survey.lost + max(unexpected, 0)
+        held = kept + back + self.survey.lost
+        added = sum(each.is_added for each in self.connections)
         lanes = ReportItem("lanes", "read", 1.0, "as drawn")
         if map_format == "osm":
             lanes = ReportItem("lanes", "partly read", 0.5, "guessed where the file has no tags")
@@ -521,7 +528,7 @@ class _Assembly:
             lanes,
             ReportItem(
                 "ways through", "read" if kept == held else "partly read", round(kept / held, 3),
-                f"{kept} of {held} kept",
+                f"{kept} of {held} kept" + (f", {added} added" if added else ""),
             ),
             self._rate_curves(),
             rate_crosswalks(self.crosswalk_facts),
@@ -564,13 +571,14 @@ class _Assembly:
         for k, placed in self.placements.items():
             key, (a, b) = f"pedestrian:{self.names[k]}", find_sides(self.names[k])
             lines = {
-                (before, after): _round_corners(
-                    ground.build_crossing_line(
-                        placed, self._list_corners(k), before=before, after=after
-                    )
+                pair: ground.build_crossing_line(
+                    placed, self._list_corners(k), before=pair[0], after=pair[1]
                 )
-                for before, after in product(SIDEWALKS, SIDEWALKS)
+                for pair in product(SIDEWALKS, SIDEWALKS)
             }
+            for pair, line in lines.items():  # without sharp corners, ends kept
+                smooth = smooth_gaussian(resample_by_spacing(line, 0.25), 3.0)
+                lines[pair] = resample_by_spacing(smooth, 0.5)
             walked = geos.union_all([self.sidewalks, placed.area, self.refuges[k]]).buffer(0.3)
             shares = (geos.contains_xy(walked, *line.T).mean() for line in lines.values())
             if not all(share > _ON_GROUND for share in shares):
@@ -631,13 +639,6 @@ class _Assembly:
             name = f"{leg}:goal:sidewalk_{number}"
             fields = {"id": name, "type": "pedestrian", "leg": leg, "polygon": area}
             yield GoalRegion.model_validate(fields)
-
-
-def _rank_placement(k: int, placed: CrosswalkPlacement | None) -> tuple[bool, float, int]:
-    """Which crosswalk stays where two cross, the least first: that nearest to the file's middle."""
-    if placed is None or placed.mapped is None:
-        return True, 0.0, k
-    return False, round(math.dist(placed.middle, placed.mapped.middle), 3), k
 
 
 def _choose_extent(legs: Sequence[SurveyLeg], wanted: float | None, crossings: float) -> float:
@@ -711,11 +712,6 @@ def _take_last_run(line: FloatArray, inside: Any) -> FloatArray:
     breaks = np.flatnonzero(np.diff(where) > 1)
     first = where[breaks[-1] + 1] if len(breaks) else where[0]
     return line[first : where[-1] + 1]
-
-
-def _round_corners(line: FloatArray) -> FloatArray:
-    """A walked line without sharp corners, ends kept."""
-    return resample_by_spacing(smooth_gaussian(resample_by_spacing(line, 0.25), 3.0), 0.5)
 
 
 def _build_lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:

@@ -82,7 +82,7 @@ def _redraw(line: FloatArray, first: int, last: int) -> FloatArray:
     best, widest = line, float(_measure_radii(line)[first - _CHORD : last - _CHORD + 1].min())
     for room in range(_CHORD, _MOST_ROOM + 1, 2):
         a, b = max(first - room, 1), min(last + room, len(line) - 2)
-        curve = _draw_curve(line[a], line[a] - line[a - 1], line[b], line[b + 1] - line[b])
+        curve = draw_curve(line[a], line[a] - line[a - 1], line[b], line[b + 1] - line[b])
         if float(measure_distances(curve, line[a : b + 1]).min(axis=1).max()) > _FARTHEST_MOVE:
             break
         made = resample_by_spacing(np.concatenate([line[:a], curve, line[b + 1 :]]), _STEP)
@@ -95,7 +95,7 @@ def _redraw(line: FloatArray, first: int, last: int) -> FloatArray:
     return best
 
 
-def _draw_curve(
+def draw_curve(
     start: FloatArray, ahead: FloatArray, end: FloatArray, onwards: FloatArray
 ) -> FloatArray:
     """[21, 2] a cubic Bezier curve from one place and direction to another."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import combinations
 
@@ -14,7 +14,7 @@ from scenewright.geometry.geographic import LatLon
 from scenewright.geometry.polyline import measure_courses, rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.opendrive_features import OpenDriveFile
-from scenewright.tools.map_import.osm_file import OsmFile, Tags
+from scenewright.tools.map_import.osm_file import OsmFile
 from scenewright.tools.map_import.survey import ASSUMED_SIDE, DrivingSide
 
 _LEFT_HAND = (
@@ -63,9 +63,7 @@ def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
     for lines in streets.values():
         for side in _count_oncoming(lines):
             drawn[side] += 1
-    found = (
-        _read_side_tags(osm) or _read_country_tags(_list_tags(osm)) or find_side_of_place(origin)
-    )
+    found = _read_tags(osm) or find_side_of_place(origin)
     left = drawn["left"] > drawn["right"]
     if found is None:
         if drawn["left"] == drawn["right"]:
@@ -89,28 +87,20 @@ def find_lanelet2_side(lines: Sequence[FloatArray]) -> DrivingSide:
     return DrivingSide(left, f"{max(counts.values())} pairs of opposite lanes indicate it")
 
 
-def _list_tags(osm: OsmFile) -> Iterator[Tags]:
-    yield from osm.node_tags.values()
-    yield from (tags for tags, _ in osm.ways.values())
-
-
-def _read_side_tags(osm: OsmFile) -> DrivingSide | None:
-    sides = Counter(tags["driving_side"] for tags in _list_tags(osm) if "driving_side" in tags)
+def _read_tags(osm: OsmFile) -> DrivingSide | None:
+    """What the elements of the file say of the side, else of the country."""
+    tags = [*osm.node_tags.values(), *(tags for tags, _ in osm.ways.values())]
+    sides = Counter(own["driving_side"] for own in tags if "driving_side" in own)
     left, right = sides["left"], sides["right"]
-    if left == right:
-        return None
-    return DrivingSide(left > right, f"driving_side is tagged on {max(left, right)} elements")
-
-
-def _read_country_tags(tags: Iterable[Tags]) -> DrivingSide | None:
+    if left != right:
+        return DrivingSide(left > right, f"driving_side is tagged on {max(left, right)} elements")
     codes = Counter(own[key].upper() for own in tags for key in _COUNTRY_KEYS if key in own)
-    codes = Counter({code: n for code, n in codes.items() if len(code) == 2 and code.isalpha()})
-    if not codes:
+    known = [(-n, code) for code, n in codes.items() if len(code) == 2 and code.isalpha()]
+    if not known:
         return None
-    code, count = min(codes.items(), key=lambda each: (-each[1], each[0]))
-    return DrivingSide(
-        code in _LEFT_HAND.split(), f"{count} elements of the file say country {code}"
-    )
+    count, code = min(known)
+    left_hand = code in _LEFT_HAND.split()
+    return DrivingSide(left_hand, f"{-count} elements of the file say country {code}")
 
 
 def find_side_of_place(origin: LatLon) -> DrivingSide | None:

@@ -23,7 +23,8 @@ _CLOSING = 2.5
 """Gaps of up to twice that between lanes are paved, and kerbs are rounded with it [m]."""
 _SMALLEST_ISLAND = 120.0
 """Islands smaller than this are paved [m^2]."""
-_SETBACK, _STOP_GAP = 0.6, 1.2
+_SETBACK, STOP_GAP = 0.6, 1.2
+"""Of a crosswalk from the curve of its kerb, and of traffic that waits before it [m]."""
 _SLACK = 2.5
 """How much longer a crosswalk may be than the shortest line across its leg [m]."""
 _SAME_KERB = 0.75
@@ -72,11 +73,6 @@ class CrosswalkPlacement:
     def middle(self) -> FloatArray:
         """[2] halfway between its ends [m]."""
         return np.asarray(self.ends.mean(axis=0))
-
-    @property
-    def stop_area(self) -> Any:
-        """The area that traffic waiting before it keeps clear."""
-        return self.area.buffer(_STOP_GAP, join_style="mitre")
 
     def find_refuge(self, road: Any, corners: Sequence[FloatArray | None]) -> Any:
         """Ground beside its ends on which people walk to the sidewalk, or end: an island's.
@@ -128,11 +124,6 @@ class CrosswalkPlacement:
         meeting = geos.LineString(self.ends).intersection(geos.LineString(other.ends))
         ends = geos.MultiPoint(np.concatenate([self.ends, other.ends]))
         return not meeting.is_empty and float(meeting.distance(ends)) > _CORNER
-
-    @property
-    def stop_distance(self) -> float:
-        """Where traffic stops before it, outwards from the throat [m]."""
-        return self.distance + self.width / 2 + _STOP_GAP
 
 
 def build_road(

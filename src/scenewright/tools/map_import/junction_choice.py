@@ -148,7 +148,12 @@ def find_streets(
 ) -> list[Junction]:
     """The junctions of which each of the streets is a leg."""
     wanted = [expand_name(street) for street in streets]
-    found = [each for each in junctions if all(_has_street(each, name) for name in wanted)]
+    own = [(each, [f" {expand_name(x)} " for x in each.streets if x]) for each in junctions]
+    found = [
+        each
+        for each, names in own
+        if all(any(f" {name} " in known for known in names) for name in wanted)
+    ]
     if not found:
         known = sorted({street for each in junctions for street in each.streets if street})
         near = [
@@ -159,11 +164,6 @@ def find_streets(
             f"{file} has no junction of {' and '.join(streets)[:120]}; its streets are {listed}"
         )
     return found
-
-
-def _has_street(junction: Junction, name: str) -> bool:
-    own = map(expand_name, junction.streets)
-    return any(name == each or f" {name} " in f" {each} " for each in own if each)
 
 
 def _find_nearest(

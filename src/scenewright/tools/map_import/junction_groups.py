@@ -95,14 +95,21 @@ def group_junctions(
         ends = {piece.start, piece.end}
         # A slip lane of a roundabout leads to a street of its own unless it is very short.
         leaves_ring = piece.is_slip and len(ends & ring) == 1
-        inside = ends <= branching and _lies_inside(piece, at, is_slip=not leaves_ring)
+        short = _SHORT_ONE_WAY if piece.is_one_way else _SHORT
+        is_slip = piece.is_slip and not leaves_ring
+        near = measure_length(piece.line) < (_LONGEST_SLIP if is_slip else short)
         if piece.is_ring:
             joined.merge(piece.start, piece.end)
-        elif inside:
+        elif ends <= branching and (near or (not is_slip and _joins_carriageways(piece, at))):
             join(piece.start, piece.end)
     for a, b in (*_find_sides(pieces, branching, joined), *_find_slips(pieces, places, at)):
         join(a, b)
-    _add_dead_ends(at, places, joined)
+    # To a junction belong the places beside it off which its own streets alone lead: no legs.
+    for node, own in sorted(at.items()):
+        around = {piece.start if piece.end == node else piece.end for piece in own} - {node}
+        near = all(math.dist(places[node], places[each]) < WIDEST_MEDIAN for each in around)
+        if near and len(around) > 1 and len({joined[each] for each in around}) == 1:
+            joined.merge(node, min(around))
     nodes = [own for own in joined.subsets() if len(own) > 1 or own <= branching]
     found = [
         _build_junction(own, places, at, origin, is_roundabout=not own.isdisjoint(ring))
@@ -117,17 +124,6 @@ def _count_arms(pieces: Iterable[StreetPiece]) -> int:
         (frozenset((each.start, each.end)), round(measure_length(each.line))) for each in pieces
     }
     return len(ends) + sum(each.start == each.end for each in pieces)
-
-
-def _add_dead_ends(
-    at: Mapping[str, Sequence[StreetPiece]], places: Mapping[str, FloatArray], joined: Any
-) -> None:
-    """Adds to a junction the places beside it off which its own streets alone lead: no legs."""
-    for node, own in sorted(at.items()):
-        around = {piece.start if piece.end == node else piece.end for piece in own} - {node}
-        near = all(math.dist(places[node], places[each]) < WIDEST_MEDIAN for each in around)
-        if near and len(around) > 1 and len({joined[each] for each in around}) == 1:
-            joined.merge(node, min(around))
 
 
 def _find_slips(
@@ -159,21 +155,6 @@ def _find_slips(
             middle = find_point(slip.line, measure_length(slip.line) / 2)
             if math.dist(middle, places[node]) < _WIDEST_ISLAND:
                 yield from ((slip.start, node), (slip.end, node))
-
-
-def _lies_inside(
-    piece: StreetPiece, at: Mapping[str, Sequence[StreetPiece]], *, is_slip: bool
-) -> bool:
-    """Whether a piece between two branchings is part of one junction.
-
-    Args:
-        is_slip: whether it may be a slip lane of it.
-    """
-    length = measure_length(piece.line)
-    if piece.is_slip and is_slip:
-        return length < _LONGEST_SLIP
-    short = _SHORT_ONE_WAY if piece.is_one_way else _SHORT
-    return length < short or _joins_carriageways(piece, at)
 
 
 def _find_sides(

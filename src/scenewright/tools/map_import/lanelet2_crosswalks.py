@@ -44,7 +44,9 @@ def read_lanelet2_crossings(
         for each in foot
         if each.tags.get("subtype") == "crosswalk"
     ]  # fmt: skip
-    marks = dict(_list_marks(elements, elements.list_crosswalk_bounds(), origin))
+    own = [members for tags, members in elements.relations if tags.get("subtype") == "crosswalk"]
+    bounds = {ref for members in own for _, ref in members}
+    marks = dict(_list_marks(elements, bounds, origin))
     drawn = [
         each
         for each in _pair_marks(marks)

@@ -106,18 +106,12 @@ def list_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
     lanes += [(lane, False) for lane in survey.exits.values()]
     arms = [Arm(orient_outwards(*x), x[0].road, "in" if x[1] else "out") for x in lanes]
     legs = [_build_leg([lanes[i] for i in own]) for own in group_arms(arms)]
-    legs.sort(key=_measure_place_angle)
+    # By where they lie: the bearings of two streets that run side by side do not order them.
+    legs.sort(
+        key=lambda leg: float(np.angle(complex(*leg.throat) + _FAR_OUT * np.exp(1j * leg.bearing)))
+    )
     first = min(range(len(legs)), key=lambda k: legs[k].bearing, default=0)
     return (*legs[first:], *legs[:first])
-
-
-def _measure_place_angle(leg: SurveyLeg) -> float:
-    """The direction in which a leg lies, seen from the middle of the junction [rad].
-
-    It orders two streets that run side by side, whose bearings do not.
-    """
-    x, y = leg.throat + _FAR_OUT * np.array([math.cos(leg.bearing), math.sin(leg.bearing)])
-    return math.atan2(y, x)
 
 
 class Arm(NamedTuple):
@@ -227,21 +221,23 @@ def name_legs(
         turns: (entry, exit, turning angle [rad, positive to the left]) of each connection.
     """
     bearings = [leg.bearing for leg in legs]
-    return min(_list_namings(len(legs)), key=lambda names: _score_naming(names, bearings, turns))
-
-
-def _list_namings(count: int) -> Iterator[tuple[Compass, ...]]:
-    """All ways to name legs counter-clockwise round the junction."""
-    for chosen in combinations(COMPASS_RING[::-1], count):
-        for turn in range(count):
-            yield (*chosen[turn:], *chosen[:turn])
+    namings = (
+        (*chosen[turn:], *chosen[:turn])
+        for chosen in combinations(COMPASS_RING[::-1], len(legs))
+        for turn in range(len(legs))
+    )
+    return min(namings, key=lambda names: _score_naming(names, bearings, turns))
 
 
 def _score_naming(
     names: Sequence[Compass], bearings: Sequence[float], turns: Sequence[tuple[int, int, float]]
 ) -> tuple[int, float]:
     """(contradictions, deviation): the less the better."""
-    wrong = sum(_contradicts(names[a], names[b], angle) for a, b, angle in turns)
+    wrong = 0
+    for a, b, angle in turns:
+        named, side = name_turn(names[a], names[b]), "left" if angle > 0 else "right"
+        wrong += named != "straight" if abs(angle) < CLEARLY_STRAIGHT else False
+        wrong += named != side if abs(angle) > CLEARLY_TURNED else False
     off = [
         abs(math.remainder(bearing - compute_bearing(name), math.tau))
         for name, bearing in zip(names, bearings, strict=True)
@@ -251,10 +247,3 @@ def _score_naming(
     )
     far = sum(each > math.radians(67.5) for each in off)
     return far + wrong, sum(each**2 for each in off) + 0.35 * diagonal
-
-
-def _contradicts(entry: Compass, exit_: Compass, angle: float) -> bool:
-    named = name_turn(entry, exit_)
-    if abs(angle) < CLEARLY_STRAIGHT:
-        return named != "straight"
-    return abs(angle) > CLEARLY_TURNED and named != ("left" if angle > 0 else "right")

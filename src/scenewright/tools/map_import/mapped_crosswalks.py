@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.geometry.polyline import measure_length, rotate_left
+from scenewright.geometry.polyline import measure_length, measure_turn, rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.legs import SurveyLeg
 from scenewright.tools.map_import.map_parts import geos, list_points
@@ -158,7 +158,13 @@ def build_area_crossing(outline: FloatArray, source: str = "") -> SurveyCrossing
 def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoice:
     """By leg, the crossings of the file that are its crosswalk."""
     leg_of_lane = {lane.id: k for k, leg in enumerate(legs) for lane in leg.lanes}
-    ways = [_Way.join(survey, each, leg_of_lane) for each in survey.connections]
+    # Ways that no file draws say little of where a crossing lies, but for lanes without another.
+    drawn = {x for way in survey.connections if not way.is_added for x in (way.approach, way.exit)}
+    ways = [
+        _Way.join(survey, each, leg_of_lane)
+        for each in survey.connections
+        if not (each.is_added and {each.approach, each.exit} <= drawn)
+    ]
     found: dict[int, list[LegCrossing]] = {}
     left_out: list[tuple[SurveyCrossing, int | None, str]] = []
     known: list[LegCrossing] = []
@@ -174,7 +180,12 @@ def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoic
     for k, own in sorted(found.items()):
         stages = _choose_stages(own, legs[k])
         by_leg[k] = MappedCrosswalk(tuple(stages))
-        left_out += [(x.crossing, k, _say_why_left_out(x, stages)) for x in own if x not in stages]
+        for x in (each for each in own if each not in stages):
+            near = min(math.dist(x.middle, each.middle) for each in stages)
+            why = f"a leg has one crosswalk here; this one lies {near:.0f} m from the one taken"
+            if near < _SAME_PLACE:
+                why = f"is drawn twice, {near:.1f} m beside the one taken"
+            left_out.append((x.crossing, k, why))
     return CrossingChoice(by_leg, tuple(left_out))
 
 
@@ -207,20 +218,16 @@ class _Way:
         """
         for point in list_points(geos.intersection(self.line, geos.LineString(line))):
             s = float(geos.line_locate_point(self.line, point))
-            if self._measure_angle(s, line) < _LEAST_ANGLE:
+            a, b = (
+                np.array(geos.line_interpolate_point(self.line, max(s + d, 0.0)).coords[0])
+                for d in (-1.0, 1.0)
+            )
+            if abs(math.sin(measure_turn(line[1] - line[0], b - a))) < math.sin(_LEAST_ANGLE):
                 continue
             for side, away in enumerate((self.begin - s, s - self.end)):
                 other_side = s - self.end if side == 0 else self.begin - s
                 if -_DEEPEST < away < _FARTHEST and other_side <= 0.0:
                     yield self.legs[side], self.lanes[side], away
-
-    def _measure_angle(self, s: float, line: FloatArray) -> float:
-        a, b = (
-            np.array(geos.line_interpolate_point(self.line, max(s + d, 0.0)).coords[0])
-            for d in (-1.0, 1.0)
-        )
-        turn = math.atan2(*(b - a)[::-1]) - math.atan2(*(line[1] - line[0])[::-1])
-        return abs(math.asin(min(abs(math.sin(turn)), 1.0)))
 
 
 def _prolong(line: FloatArray) -> FloatArray:
@@ -236,7 +243,9 @@ def _find_leg(crossing: SurveyCrossing, ways: Sequence[_Way]) -> LegCrossing | s
     """The leg whose lanes a crossing crosses, or why there is none."""
     turned = _turn_crossing(crossing)
     for each in (crossing, *([turned] if turned is not None else [])):
-        met = [own for way in ways if (own := list(way.list_meetings(_stretch(each.line))))]
+        ahead = (each.line[1] - each.line[0]) / max(math.dist(*each.line), 1e-9)
+        line = each.line + np.outer([-0.5, 0.5], ahead)  # marks begin beside the kerb
+        met = [own for way in ways if (own := list(way.list_meetings(line)))]
         if met:
             return _count_votes(each, met)
     return "crosses no lane of this junction within 35 m"
@@ -277,12 +286,6 @@ def _join_stages(placed: Sequence[LegCrossing]) -> Iterator[LegCrossing]:
             yield replace(each, leg=leg, distance=away)
         else:
             yield each
-
-
-def _stretch(line: FloatArray) -> FloatArray:
-    """A line half a metre longer at either end: marks begin beside the kerb."""
-    ahead = (line[1] - line[0]) / max(float(np.hypot(*(line[1] - line[0]))), 1e-9)
-    return np.array([line[0] - 0.5 * ahead, line[1] + 0.5 * ahead])
 
 
 def _turn_crossing(crossing: SurveyCrossing) -> SurveyCrossing | None:
@@ -332,10 +335,3 @@ def _goes_on(a: LegCrossing, b: LegCrossing) -> bool:
     lines = [each.crossing.line[1] - each.crossing.line[0] for each in (a, b)]
     cosines = [abs(float(line @ between)) / (far * float(np.hypot(*line))) for line in lines]
     return min(cosines) > math.cos(_STEEPEST)
-
-
-def _say_why_left_out(crossing: LegCrossing, stages: Sequence[LegCrossing]) -> str:
-    near = min(float(np.hypot(*(crossing.middle - each.middle))) for each in stages)
-    if near < _SAME_PLACE:
-        return f"is drawn twice, {near:.1f} m beside the one taken"
-    return f"a leg has one crosswalk here; this one lies {near:.0f} m from the one taken"

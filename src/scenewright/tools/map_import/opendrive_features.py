@@ -13,6 +13,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
@@ -124,13 +125,12 @@ def _trace_shape(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """x, y and heading of a shape in its own frame."""
     if shape.tag == "poly3":
-        v, dv = _evaluate([_read(shape, name) for name in "abcd"], ds)
-        return ds, v, np.arctan2(dv, np.ones_like(ds))
+        v = Polynomial([_read(shape, name) for name in "abcd"])
+        return ds, v(ds), np.arctan(v.deriv()(ds))
     if shape.tag == "paramPoly3":
         p = ds if shape.get("pRange") == "arcLength" else ds / length
-        u, du = _evaluate([_read(shape, f"{name}U") for name in "abcd"], p)
-        v, dv = _evaluate([_read(shape, f"{name}V") for name in "abcd"], p)
-        return u, v, np.arctan2(dv, du)
+        u, v = (Polynomial([_read(shape, name + side) for name in "abcd"]) for side in "UV")
+        return u(p), v(p), np.arctan2(v.deriv()(p), u.deriv()(p))
     begin = _read(shape, "curvature") if shape.tag == "arc" else _read(shape, "curvStart")
     end = begin if shape.tag == "arc" else _read(shape, "curvEnd")
     turn = begin * ds + (end - begin) * ds**2 / (2 * length)
@@ -139,12 +139,6 @@ def _trace_shape(
     x = np.concatenate([[0.0], np.cumsum(step * np.cos(between))])
     y = np.concatenate([[0.0], np.cumsum(step * np.sin(between))])
     return x, y, turn
-
-
-def _evaluate(c: Sequence[float], p: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A cubic and its derivative."""
-    value = c[0] + c[1] * p + c[2] * p**2 + c[3] * p**3
-    return np.asarray(value), np.asarray(c[1] + 2 * c[2] * p + 3 * c[3] * p**2)
 
 
 def list_opendrive_crossings(file: OpenDriveFile, middle: FloatArray) -> list[SurveyCrossing]:
@@ -185,7 +179,11 @@ def list_opendrive_lights(file: OpenDriveFile, middle: FloatArray) -> list[Surve
 
     A light on a road inside a junction controls the road that leads into it.
     """
-    lights = {e.get("id") for e in file.root.iter("signal") if _is_light(e)}
+    lights = {
+        each.get("id")
+        for each in file.root.iter("signal")
+        if each.get("dynamic") == "yes" and each.get("type") in (*_LIGHTS, "-1", "", None)
+    }
     controllers = {
         control.get("signalId"): controller.get("id", "")
         for controller in file.root.iter("controller")
@@ -202,10 +200,6 @@ def list_opendrive_lights(file: OpenDriveFile, middle: FloatArray) -> list[Surve
                     SurveyLight(each - middle, group) for each in _locate(road, element, roads)
                 ]
     return found
-
-
-def _is_light(element: Any) -> bool:
-    return element.get("dynamic") == "yes" and element.get("type") in (*_LIGHTS, "-1", "", None)
 
 
 def _locate(

@@ -19,6 +19,8 @@ _ASSUMED_WIDTH = 4.0
 """Of a crossing [m]; OpenStreetMap seldom says."""
 _SAME_PLACE = 3.0
 """A crossing's way and node on one road that lie closer are the same [m]."""
+_CROSSINGS = (("crossing", True), ("crossing", False), ("traffic_signals", True))
+"""Values of the tag `highway` of nodes that are crossings, and whether they have one more tag."""
 _UNMARKED = ("unmarked", "no", "informal")
 _SIGNALISED = {"traffic_signals": True, "uncontrolled": False, "zebra": False, "unmarked": False}
 _MOST_ASKEW = math.radians(50.0)
@@ -40,7 +42,8 @@ def list_osm_crossings(osm: OsmFile, middle: FloatArray) -> list[SurveyCrossing]
         places = [
             (geos.Point(osm.nodes[n]), f"node {n}", osm.node_tags[n], way_at.get(n))
             for n in nodes
-            if _is_crossing_node(osm.node_tags.get(n, {}))
+            if (own := osm.node_tags.get(n, {})).get("crossing") != "no"
+            and (own.get("highway"), "crossing" in own) in _CROSSINGS
         ]
         places += [
             (point, f"way {walks[k][0]}", {}, k)
@@ -59,8 +62,21 @@ def list_osm_crossings(osm: OsmFile, middle: FloatArray) -> list[SurveyCrossing]
                 c, d = (np.array(walk.interpolate(max(w + x, 0.0)).coords[0]) for x in (-0.1, 0.1))
                 drawn = (d - c) / max(float(np.hypot(*(d - c))), 1e-9)
                 across = drawn if abs(drawn @ straight) > math.cos(_MOST_ASKEW) else straight
-            crossing = _build_crossing(
-                np.array(point.coords[0]), across, road, known, source, limits
+            # [m] the lanes that are tagged, else one for each direction; and a little beside them.
+            is_oneway = is_one_way(road)
+            lanes = read_number(road.get("lanes")) or (1.5 if is_oneway else 2.0)
+            half = (_LANE * max(lanes, 1.0) + (1.0 if is_oneway else 3.0)) / 2
+            kind = known.get("crossing", "")
+            lit = "traffic_signals" if known.get("crossing:signals") == "yes" else kind
+            crossing = SurveyCrossing(
+                np.array(point.coords[0]) + np.outer([-half, half], across),
+                read_number(known.get("width")) or _ASSUMED_WIDTH,
+                source=source,
+                is_bounded=False,
+                is_marked=kind not in _UNMARKED and known.get("crossing:markings") != "no",
+                has_island=known.get("crossing:island") == "yes",
+                is_signalised=_SIGNALISED.get(lit),
+                limits=limits,
             )
             ends_here = not 0.1 < s < line.length - 0.1
             found.append((source.startswith("way"), ends_here, crossing))
@@ -100,19 +116,6 @@ def list_osm_lines(osm: OsmFile) -> Mapping[str, list[FloatArray]]:
     return found
 
 
-def count_barred_turns(osm: OsmFile, nodes: frozenset[str]) -> int:
-    """How many turns at some nodes the file's restrictions may forbid: one, or all but one."""
-    kinds = [kind for kind, members in osm.restrictions if members & nodes]
-    return sum(kind.startswith("no_") + 2 * kind.startswith("only_") for kind in kinds)
-
-
-def _is_crossing_node(tags: Tags) -> bool:
-    kind, crossing = tags.get("highway"), tags.get("crossing")
-    return crossing != "no" and (
-        kind == "crossing" or (kind == "traffic_signals" and crossing is not None)
-    )
-
-
 def _list_crossing_ways(osm: OsmFile) -> Iterator[tuple[str, Tags, list[str]]]:
     """Ways on foot that are crossings, with those of their nodes that have a place."""
     for name, (tags, nodes) in osm.ways.items():
@@ -124,28 +127,3 @@ def _list_crossing_ways(osm: OsmFile) -> Iterator[tuple[str, Tags, list[str]]]:
         known = [node for node in nodes if node in osm.nodes]
         if is_crossing and on_foot and len(known) > 1:
             yield name, tags, known
-
-
-def _build_crossing(
-    place: FloatArray,
-    across: FloatArray,
-    road: Tags,
-    known: Tags,
-    source: str,
-    limits: FloatArray | None,
-) -> SurveyCrossing:
-    # [m] the lanes that are tagged, else one for each direction; and a little beside them.
-    is_oneway = is_one_way(road)
-    lanes = read_number(road.get("lanes")) or (1.5 if is_oneway else 2.0)
-    half = (_LANE * max(lanes, 1.0) + (1.0 if is_oneway else 3.0)) / 2
-    signals = known.get("crossing:signals") == "yes"
-    return SurveyCrossing(
-        place + np.outer([-half, half], across),
-        read_number(known.get("width")) or _ASSUMED_WIDTH,
-        source=source,
-        is_bounded=False,
-        is_marked=known.get("crossing") not in _UNMARKED and known.get("crossing:markings") != "no",
-        has_island=known.get("crossing:island") == "yes",
-        is_signalised=_SIGNALISED.get("traffic_signals" if signals else known.get("crossing", "")),
-        limits=limits,
-    )

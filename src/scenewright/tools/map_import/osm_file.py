@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,19 +37,28 @@ _CLOSED = ("no", "bus", "psv", "agricultural", "forestry")
 Tags = Mapping[str, str]
 
 
+class Restriction(NamedTuple):
+    """A rule on turns: `no_...`, or `only_...`; ids of ways, and of nodes between them."""
+
+    kind: str
+    from_: frozenset[str]
+    via: frozenset[str]
+    to: frozenset[str]
+
+
 @dataclass(frozen=True, eq=False)
 class OsmFile:
     """A part of a file, its nodes in metres from an origin.
 
     Attributes:
         node_tags: of the few nodes that have some; ways: (tags, node ids) by id.
-        restrictions: (kind, ids of members) of turns that are forbidden, or alone allowed.
+        restrictions: of turns that are forbidden, or alone allowed.
     """
 
     nodes: dict[str, FloatArray] = field(default_factory=dict)
     node_tags: dict[str, Tags] = field(default_factory=dict)
     ways: dict[str, tuple[Tags, tuple[str, ...]]] = field(default_factory=dict)
-    restrictions: list[tuple[str, frozenset[str]]] = field(default_factory=list)
+    restrictions: list[Restriction] = field(default_factory=list)
 
     def list_roads(self) -> Iterator[tuple[str, Tags, tuple[str, ...]]]:
         """Ways for vehicles."""
@@ -183,6 +192,10 @@ def read_osm_file(file: Path, origin: LatLon) -> OsmFile:
         elif each.is_way():
             found.ways[str(each.id)] = tags, tuple(str(node.ref) for node in each.nodes)
         elif "restriction" in tags:
-            members = frozenset(str(member.ref) for member in each.members if member.type == "n")
-            found.restrictions.append((tags["restriction"], members))
+            members = [(member.role, str(member.ref)) for member in each.members]
+            roles = (
+                frozenset(ref for own, ref in members if own == role)
+                for role in ("from", "via", "to")
+            )
+            found.restrictions.append(Restriction(tags["restriction"], *roles))
     return found

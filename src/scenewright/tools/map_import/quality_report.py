@@ -117,19 +117,16 @@ def list_crosswalk_notes(facts: Sequence[CrosswalkFact]) -> Iterator[str]:
     reasons: dict[str, list[str]] = {}
     for fact in facts:
         if fact.origin == "derived":
-            reasons.setdefault(_say_why_derived(fact), []).append(fact.leg)
+            why = f"no crossing was found in the file within {_NEAR:.0f} m"
+            if fact.left_out:
+                why = "what the file draws there does not fit"
+            elif fact.nearest is not None and fact.nearest <= _NEAR:
+                why = f"the file's nearest crossing, {fact.nearest:.0f} m away, is not on this leg"
+            reasons.setdefault(why, []).append(fact.leg)
     for reason, legs in reasons.items():
         yield f"crosswalk derived on {', '.join(legs)}, 4 m wide, where the leg is narrow: {reason}"
     for fact in facts:
         yield from (f"crossing not on the map, {fact.leg}: {line}" for line in fact.left_out)
-
-
-def _say_why_derived(fact: CrosswalkFact) -> str:
-    if fact.left_out:
-        return "what the file draws there does not fit"
-    if fact.nearest is None or fact.nearest > _NEAR:
-        return f"no crossing was found in the file within {_NEAR:.0f} m"
-    return f"the file's nearest crossing, {fact.nearest:.0f} m away, is not on this leg"
 
 
 _CLOSE = 1.5
@@ -138,10 +135,12 @@ _CLOSE = 1.5
 
 def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
     """As drawn counts fully, far from its place or with pieces left out half, lost not at all."""
-    scores = [_rate_crosswalk(fact) for fact in facts]
-    known = [score for score in scores if score is not None]
     read = [fact for fact in facts if fact.origin == "file"]
     lost = [f for f in facts if f.origin in ("derived", "none") and f.left_out]
+    known = [0.0 for _ in lost]
+    for fact in read:
+        whole = all("twice" in line for line in fact.left_out)
+        known.append(1.0 if whole and (fact.offset or 0.0) <= _CLOSE else 0.5)
     if not known:
         return ReportItem("crosswalks", "derived", None, "the file draws none on these legs")
     exact = sum(fact.offset is not None and fact.offset <= _CLOSE for fact in read)
@@ -151,13 +150,6 @@ def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
     detail += f", {others} derived" if others else ""
     state = "read" if len(read) == len(facts) else "partly read" if read else "derived"
     return ReportItem("crosswalks", state, round(sum(known) / len(known), 3), detail)
-
-
-def _rate_crosswalk(fact: CrosswalkFact) -> float | None:
-    if fact.origin != "file":
-        return 0.0 if fact.left_out and fact.origin != "learned" else None
-    whole = not any("twice" not in line for line in fact.left_out)
-    return 1.0 if whole and (fact.offset or 0.0) <= _CLOSE else 0.5
 
 
 def build_report(

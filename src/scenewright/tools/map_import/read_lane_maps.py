@@ -131,12 +131,13 @@ def _read_womd(file: Path) -> _Found:
         scenario = load_scenario_class().FromString(record)
     except DecodeError:
         raise InputError(f"{file} is no file of Waymo's Scenario records") from None
-    lanes = [
-        FileLanelet(str(each.id), *_widen(line), {"speed_limit": _read_speed(each.lane)})
-        for each in scenario.map_features
-        if each.HasField("lane") and each.lane.type in _WAYMO_STREETS
-        for line in _list_lines(each.lane.polyline)
-    ]
+    lanes = []
+    for each in scenario.map_features:
+        if each.HasField("lane") and each.lane.type in _WAYMO_STREETS:
+            mph = each.lane.speed_limit_mph
+            tags = {"speed_limit": f"{1.609344 * mph:.0f}"} if mph > 0 else {}
+            lines = _list_lines(each.lane.polyline)
+            lanes += [FileLanelet(str(each.id), *_widen(line), tags) for line in lines]
     crossings = [
         build_area_crossing(np.array([(p.x, p.y) for p in each.crosswalk.polygon]))
         for each in scenario.map_features
@@ -160,10 +161,6 @@ def _widen(line: FloatArray) -> tuple[FloatArray, FloatArray]:
     line = resample_by_spacing(line, 1.0)
     aside = compute_normals(line) * _WAYMO_WIDTH / 2
     return line + aside, line - aside
-
-
-def _read_speed(lane: Any) -> str:
-    return f"{1.609344 * lane.speed_limit_mph:.0f}" if lane.speed_limit_mph > 0 else ""
 
 
 _READERS = {"commonroad": _read_commonroad, "argoverse2": _read_argoverse2, "womd": _read_womd}

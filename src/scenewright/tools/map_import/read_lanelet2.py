@@ -106,16 +106,15 @@ class FileLanelet:
         longest = max(measure_length(self.left), measure_length(self.right))
         if not longest < _LONGEST_LANELET:
             raise InputError(f"lanelet {self.id[:40]} is {longest:.3g} m long; this cannot be")
-        sides = self._resample_sides(max(round(longest / 0.5), 4))
-        object.__setattr__(self, "middle", (sides[0] + sides[1]) / 2)
-
-    def _resample_sides(self, count: int) -> list[FloatArray]:
-        return [resample_to_count(side, count) for side in (self.left, self.right)]
+        count = max(round(longest / 0.5), 4)
+        left, right = (resample_to_count(side, count) for side in (self.left, self.right))
+        object.__setattr__(self, "middle", (left + right) / 2)
 
     @cached_property
     def width(self) -> float:
         """The median over its length [m]."""
-        left, right = self._resample_sides(len(self.middle))
+        count = len(self.middle)
+        left, right = (resample_to_count(side, count) for side in (self.left, self.right))
         return float(np.median(np.hypot(*(left - right).T)))
 
     @property
@@ -249,11 +248,10 @@ class LaneletFile:
     def _tree(self) -> Any:
         return geos.STRtree([geos.LineString(each.middle) for each in self.lanelets.values()])
 
-    def list_near(self, place: Any, distance: float = 0.0) -> list[str]:
-        """The lanelets whose middles lie so near [m] to a geometry."""
+    def list_on(self, place: Any) -> list[str]:
+        """The lanelets with a middle that meets a geometry."""
         names = list(self.lanelets)
-        found = self._tree.query(place, predicate="dwithin", distance=distance)
-        return sorted(names[i] for i in found)
+        return sorted(names[i] for i in self._tree.query(place, predicate="intersects"))
 
 
 def load_lanelet2(file: Path, center: LatLon | None = None) -> LaneletFile:
@@ -351,7 +349,7 @@ def _find_places(held: LaneletFile) -> list[tuple[Junction, Survey]]:
     """Places of three or more legs and ways, each by an id that no other has."""
     found: dict[str, tuple[Junction, Survey]] = {}
     for grounds in _list_grounds(held):
-        touched = held.list_near(grounds.shared)
+        touched = held.list_on(grounds.shared)
         survey = _survey_junction(held, grounds)
         if not touched or len(survey.connections) < _LEAST_WAYS:
             continue
@@ -394,11 +392,6 @@ class FileElements:
     way_tags: dict[str, dict[str, str]] = field(default_factory=dict)
     relations: list[tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=list)
     rules: dict[str, tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=dict)
-
-    def list_crosswalk_bounds(self) -> set[str]:
-        """Ids of the ways along crosswalk lanelets."""
-        own = [members for tags, members in self.relations if tags.get("subtype") == "crosswalk"]
-        return {ref for members in own for _, ref in members}
 
 
 def read_elements(file: Path) -> FileElements:
@@ -533,7 +526,7 @@ def _survey_junction(held: LaneletFile, grounds: _Grounds) -> Survey:
     lanelets, shared = held.lanelets, grounds.shared
     notes: list[str] = []
     is_roundabout = grounds.ring is not None
-    inside = set(held.list_near(shared.convex_hull.buffer(-0.3)))
+    inside = set(held.list_on(shared.convex_hull.buffer(-0.3)))
     paths = [_Path.join(held, names) for names in _list_paths(held, inside, is_roundabout)]
     used = sorted({name for path in paths for name in path.names})
     shortest = _SHORTEST_LANE if grounds.others.is_empty else _SHORTEST_LEG
@@ -558,8 +551,11 @@ def _survey_junction(held: LaneletFile, grounds: _Grounds) -> Survey:
         },
         exits={name: _build_lane(name, lanelets, line - middle) for name, line in exits.items()},
         connections=tuple(
-            SurveyConnection(a, b, _take_between(line, approaches[a][-1], exits[b][0]) - middle)
+            SurveyConnection(a, b, line[first : max(last, first + 1) + 1] - middle)
             for (a, b), line in found.items()
+            for first, last in [
+                measure_distances(np.array([approaches[a][-1], exits[b][0]]), line).argmin(axis=1)
+            ]
         ),
         crossings=tuple(each.move(-middle) for each in held.crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
@@ -688,23 +684,12 @@ def _find_shared_ground(held: LaneletFile) -> Any:
         apart = np.hypot(*(pair[0].middle[[0, -1]] - pair[1].middle[[0, -1]]).T)
         begin = apart[0] < _SPLIT and name not in followers and other not in followers
         end = apart[1] < _SPLIT and not follows[name] and not follows[other]
-        if not begin and not end and not _are_abreast(*pair):
+        # Neighbours in one road all along may be drawn a little too wide.
+        few, many = sorted((each.middle for each in pair), key=len)
+        away = measure_distances(few[:: max(len(few) // 12, 1)], many).min(axis=1).max()
+        if not begin and not end and not (away < _ABREAST and apart.max() < 3 * _ABREAST):
             kept.append(piece)
     return geos.union_all(kept)
-
-
-def _are_abreast(a: FileLanelet, b: FileLanelet) -> bool:
-    """Whether two lanelets are neighbours in one road all along, drawn a little too wide."""
-    few, many = sorted((a.middle, b.middle), key=len)
-    away = measure_distances(few[:: max(len(few) // 12, 1)], many).min(axis=1).max()
-    ends = np.hypot(*(a.middle[[0, -1]] - b.middle[[0, -1]]).T).max()
-    return bool(away < _ABREAST and ends < 3 * _ABREAST)
-
-
-def _take_between(line: FloatArray, first: FloatArray, last: FloatArray) -> FloatArray:
-    """The stretch of a line between the points nearest to two others."""
-    a, b = measure_distances(np.array([first, last]), line).argmin(axis=1)
-    return line[a : max(b, a + 1) + 1]
 
 
 def _build_lane(name: str, lanelets: _Lanelets, line: FloatArray) -> SurveyLane:

@@ -48,13 +48,15 @@ from scenewright.tools.map_import.opendrive_features import (
     read_opendrive_file,
 )
 from scenewright.tools.map_import.osm_features import (
-    count_barred_turns,
     list_osm_crossings,
     list_osm_lights,
     list_osm_lines,
 )
 from scenewright.tools.map_import.osm_file import cut_out, read_osm_file
 from scenewright.tools.map_import.osm_streets import survey_osm_junctions
+from scenewright.tools.map_import.osm_turns import (
+    OsmTurns,
+)
 from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
     ASSUMED_SIDE,
@@ -76,6 +78,7 @@ _STRAIGHT = math.radians(35.0)
 _COLOURS: Mapping[str, Colour] = {"g": "green", "y": "yellow", "o": "green"}
 _DETOUR = math.radians(80.0)
 """How far a way turns back at least that goes round a turn that is banned."""
+_ALL_ROUND = math.radians(225.0)
 _CUT_OUT = "cut out the surroundings of the junction first"
 
 
@@ -153,7 +156,8 @@ def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | N
     places = [net.getNode(name).getCoord()[:2] for name in sorted(nodes)]
     x, y = np.mean(places, axis=0).tolist()
     group = replace(chosen, nodes=frozenset(nodes), xy=(x, y))
-    survey = _survey_junction(net, group, origin, side, file)
+    turns = OsmTurns(osm, side.left_hand)
+    survey = _survey_junction(net, group, origin, side, file, turns)
     survey.notes.append(
         "lane widths, turning lanes and signal times that the file does not tag are netconvert's "
         "guesses"
@@ -163,7 +167,7 @@ def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | N
     middle = np.array(survey.offset)
     return replace(
         survey, crossings=tuple(list_osm_crossings(osm, middle)), phases=(),
-        lights=tuple(list_osm_lights(osm, middle)), barred=count_barred_turns(osm, group.nodes),
+        lights=tuple(list_osm_lights(osm, middle)),
         drawn=keep_near(list_osm_lines(osm), middle),
     )  # fmt: skip
 
@@ -243,7 +247,8 @@ def _list_junctions(net: Any, found: Sequence[Ring], file: Path) -> Iterator[Jun
         seen.add((start, end))
         name, kind = _read_street(edge), str(edge.getType() or "")
         is_ring, is_slip = edge.getID() in rings, kind.endswith("_link")
-        pieces.append(StreetPiece(start, end, _get_middle(edge), name, not both, is_ring, is_slip))
+        line = drop_doubled_points(np.array([places[start], *_get_shape(edge), places[end]]))
+        pieces.append(StreetPiece(start, end, line, name, not both, is_ring, is_slip))
     refused = {
         net.getEdge(name).getToNode().getID(): f"{ring.refusal}; {OTHER_SOURCE}"
         for ring in found
@@ -314,32 +319,35 @@ def _is_for_cars(lane: Any) -> bool:
     return bool(lane.allows("passenger")) and not 0.0 < float(lane.getWidth()) < NARROWEST
 
 
-def _get_middle(edge: Any) -> FloatArray:
-    """[P, 2] the line of an edge from the middle of one node to that of the next [m]."""
-    ends = (node.getCoord()[:2] for node in (edge.getFromNode(), edge.getToNode()))
-    start, end = (np.array([xy], dtype=float) for xy in ends)
-    return drop_doubled_points(np.concatenate([start, _get_shape(edge), end]))
-
-
 def _get_shape(part: Any) -> FloatArray:
     """[P, 2] the line of an edge or a lane [m]."""
     return np.asarray(np.array(part.getShape())[:, :2])
 
 
 def _survey_junction(
-    net: Any, group: Junction, origin: LatLon | None, side: DrivingSide, file: Path
+    net: Any,
+    group: Junction,
+    origin: LatLon | None,
+    side: DrivingSide,
+    file: Path,
+    turns: OsmTurns | None = None,
 ) -> Survey:
     try:
-        return _survey_nodes(net, group, origin, side)
+        return _survey_nodes(net, group, origin, side, turns)
     except (KeyError, IndexError) as fault:  # sumolib follows names that lead nowhere
         raise InputError(f"{file} names a part that it lacks: {str(fault)[:80]}") from None
 
 
-def _survey_nodes(net: Any, group: Junction, origin: LatLon | None, side: DrivingSide) -> Survey:
+def _survey_nodes(
+    net: Any, group: Junction, origin: LatLon | None, side: DrivingSide, turns: OsmTurns | None
+) -> Survey:
     nodes = [net.getNode(name) for name in sorted(group.nodes)]
     outlines = [_get_shape(node) for node in nodes if node.getShape()]
     outlines = [outline for outline in outlines if len(outline) > 2]
-    middle = _find_middle(group, nodes, outlines)
+    middle = np.array(group.xy).round(3)
+    if len(nodes) == 1:
+        own = np.array(nodes[0].getCoord()[:2], dtype=float)
+        middle = outlines[0].mean(axis=0) if outlines else own
     roads_in = [
         edge
         for node in nodes
@@ -360,9 +368,22 @@ def _survey_nodes(net: Any, group: Junction, origin: LatLon | None, side: Drivin
         }
         for roads, inwards in ((roads_in, True), (roads_out, False))
     )
-    connections = [
-        each for name in approaches for each in _trace_connections(net, name, exits, group, middle)
-    ]
+    parts = [f"{len(nodes)} nodes that lie close together are one intersection"]
+    parts = [ROUNDABOUT] if group.is_roundabout else parts if len(nodes) > 1 else []
+    connections: list[SurveyConnection] = []
+    told: list[str] = []
+    for edge in roads_in:
+        names = [lane.getID() for lane in _list_driving_lanes(edge)]
+        given = (net, exits, group, middle)
+        ways = [way for name in names for way in _trace_connections(name, *given, None)]
+        if turns is not None and not group.is_roundabout:
+            more = [way for name in names for way in _trace_connections(name, *given, turns)]
+            more.sort(key=lambda way: -measure_length(way.line))
+            reached = {way.exit: way.line for way in more}
+            lanes = {**approaches, **exits}
+            ways, faults = turns.complete_ways(edge, roads_out, lanes, ways, reached)
+            told += faults
+        connections += ways
     used = {way.approach for way in connections}, {way.exit for way in connections}
     # Only nodes that a way leads through: streets that lead nowhere end at others.
     ways = geos.union_all([geos.LineString(each.line) for each in connections])
@@ -387,7 +408,8 @@ def _survey_nodes(net: Any, group: Junction, origin: LatLon | None, side: Drivin
         file_origin=origin,
         lost=len(approaches) - len(used[0]) + len(exits) - len(used[1]),
         notes=[
-            *_describe_parts(group),
+            *parts,
+            *told,
             *describe_strips(
                 lane.allows("passenger") and not _is_for_cars(lane)
                 for edge in (*(e for node in nodes for e in node.getIncoming()), *roads_out)
@@ -421,31 +443,23 @@ _LONGEST_ID = 24
 """netconvert names a joined junction after all its nodes."""
 
 
-def _describe_parts(group: Junction) -> Iterator[str]:
-    if group.is_roundabout:
-        yield ROUNDABOUT
-    elif len(group.nodes) > 1:
-        yield f"{len(group.nodes)} nodes that lie close together are one intersection"
-
-
-def _find_middle(
-    group: Junction, nodes: Sequence[Any], outlines: Sequence[FloatArray]
-) -> FloatArray:
-    if len(nodes) == 1 and outlines:
-        return np.asarray(outlines[0].mean(axis=0))
-    if len(nodes) == 1:
-        return np.array(nodes[0].getCoord()[:2], dtype=float)
-    return np.asarray(np.array(group.xy).round(3))
-
-
 def _is_street(edge: Any) -> bool:
     return not edge.getFunction() and bool(_list_driving_lanes(edge))
 
 
 def _trace_connections(
-    net: Any, approach: str, exits: Mapping[str, Any], group: Junction, middle: FloatArray
+    approach: str,
+    net: Any,
+    exits: Mapping[str, Any],
+    group: Junction,
+    middle: FloatArray,
+    turns: OsmTurns | None,
 ) -> Iterator[SurveyConnection]:
-    """The shortest way from an approach over lanes inside the junction to every exit lane."""
+    """The shortest way from an approach over lanes inside the junction to every exit lane.
+
+    Args:
+        turns: what the file allows; None for what the network has.
+    """
     start = net.getLane(approach)
     todo: list[tuple[float, int, Any, FloatArray, str | None]] = [
         (0.0, 0, start, np.zeros((0, 2)), None)
@@ -460,28 +474,43 @@ def _trace_connections(
             if group.is_roundabout or not is_detour(line):
                 yield SurveyConnection(approach, lane.getID(), line - middle, light)
             continue
-        for link in lane.getOutgoing():
-            after = link.getToLane()
+        for after, between, lit in _list_links(net, lane, turns, is_inside=lane is not start):
             if _is_internal(after) or not _is_for_cars(after):
                 continue
             inner, edge = after.getID() not in exits, after.getEdge()
             ends = {edge.getFromNode().getID(), edge.getToNode().getID()}
             if inner and not ends <= group.nodes:
                 continue
-            parts = [line, _trace_connection(net, link), *([_get_shape(after)] if inner else [])]
-            longer = np.concatenate(parts)
+            longer = np.concatenate([line, between, *([_get_shape(after)] if inner else [])])
             count += 1
-            heapq.heappush(
-                todo,
-                (measure_length(longer), count, after, longer, light or _find_light(link)),
-            )
+            heapq.heappush(todo, (measure_length(longer), count, after, longer, light or lit))
+
+
+def _list_links(
+    net: Any, lane: Any, turns: OsmTurns | None, *, is_inside: bool
+) -> Iterator[tuple[Any, FloatArray, str | None]]:
+    """The lanes that one leads to, the line between them, and its light.
+
+    Where the file decides, every lane of a street inside the junction leads where one of them does,
+    and on to the streets to which the network has no way.
+    """
+    edge = lane.getEdge()
+    own = edge.getLanes() if turns is not None and is_inside else [lane]
+    for link in (link for each in own for link in each.getOutgoing()):
+        yield link.getToLane(), _trace_connection(net, link), _find_light(link)
+    if turns is not None:
+        led = {link.getTo() for each in edge.getLanes() for link in each.getOutgoing()}
+        for onto in edge.getToNode().getOutgoing():
+            if _is_street(onto) and onto not in led and turns.allows(edge, onto):
+                for after in onto.getLanes():
+                    yield after, np.array([_get_shape(lane)[-1], _get_shape(after)[0]]), None
 
 
 def is_detour(line: FloatArray) -> bool:
-    """Whether a way [T, 2] turns one way and back the other, as one round a banned turn does."""
+    """Whether a way [T, 2] turns one way and back, or all round, as about a banned turn."""
     courses = measure_courses(resample_by_spacing(line, 1.0))
-    back = float(np.ptp(courses)) - abs(float(courses[-1] - courses[0]))
-    return back > _DETOUR
+    turn = abs(float(courses[-1] - courses[0]))
+    return float(np.ptp(courses)) - turn > _DETOUR or turn > _ALL_ROUND
 
 
 def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
@@ -489,12 +518,23 @@ def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
     line = _get_shape(lane)
     here, reach = lane, measure_length(line)
     for _ in range(20):
-        beyond = None if reach >= _LANE_REACH else _find_straight_lane(here, inwards=inwards)
-        if beyond is None:
+        pairs = (
+            [(x, here) for x in here.getIncoming() if not _is_internal(x)]
+            if inwards
+            else [(here, link.getToLane()) for link in here.getOutgoing()]
+        )
+        turns = []
+        for first, second in pairs if reach < _LANE_REACH else ():
+            a, b, beyond = _get_shape(first), _get_shape(second), first if inwards else second
+            turn = abs(measure_turn(a[-1] - a[-2], b[1] - b[0]))
+            if turn < _STRAIGHT and _is_for_cars(beyond):
+                turns.append((turn, beyond.getID(), beyond))
+        if not turns:
             break
-        more = _get_shape(beyond)
+        here = min(turns)[2]
+        more = _get_shape(here)
         line = np.concatenate([more, line] if inwards else [line, more])
-        here, reach = beyond, reach + measure_length(more)
+        reach += measure_length(more)
     return SurveyLane(
         id=lane.getID(),
         line=line - middle,
@@ -504,29 +544,8 @@ def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:
     )
 
 
-def _find_straight_lane(lane: Any, *, inwards: bool) -> Any | None:
-    """The lane before (or behind) that leads straight into this one, if there is one."""
-    if inwards:
-        found = [(x, _measure_turn(x, lane)) for x in lane.getIncoming() if not _is_internal(x)]
-    else:
-        following = (link.getToLane() for link in lane.getOutgoing())
-        found = [(other, _measure_turn(lane, other)) for other in following]
-    straight = [
-        (turn, other.getID(), other)
-        for other, turn in found
-        if turn < _STRAIGHT and _is_for_cars(other)
-    ]
-    return min(straight)[2] if straight else None
-
-
 def _is_internal(lane: Any) -> bool:
     return bool(lane.getEdge().getFunction())
-
-
-def _measure_turn(first: Any, second: Any) -> float:
-    """The angle between the end of one lane and the beginning of another [rad]."""
-    a, b = _get_shape(first), _get_shape(second)
-    return abs(measure_turn(a[-1] - a[-2], b[1] - b[0]))
 
 
 def _trace_connection(net: Any, link: Any) -> FloatArray:

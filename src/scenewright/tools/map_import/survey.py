@@ -52,12 +52,14 @@ class SurveyConnection:
     Attributes:
         line: [P, 2] its middle inside the junction, from the end of the approach to the exit.
         light: the light of the survey that controls it; None where none does.
+        is_added: whether the file allows it without drawing it.
     """
 
     approach: str
     exit: str
     line: FloatArray
     light: str | None = None
+    is_added: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +145,6 @@ class Survey:
         offset: of the origin in the coordinates of the file [m].
         file_origin: where the file's coordinates are zero; None where it has no degrees.
         lost: how many ways or lanes of the file lead nowhere here and were dropped.
-        barred: turns that the file forbids, where it draws no ways and all others are expected;
-            None where it draws them.
         notes: what was assumed or dropped.
         drawn: lines [P, 2] and places [2] of the file by kind, for pictures [m].
     """
@@ -165,7 +165,6 @@ class Survey:
     offset: tuple[float, float] = (0.0, 0.0)
     file_origin: LatLon | None = None
     lost: int = 0
-    barred: int | None = None
     notes: list[str] = field(default_factory=list)
     drawn: Mapping[str, tuple[FloatArray, ...]] = field(default_factory=dict)
 

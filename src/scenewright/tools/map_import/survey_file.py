@@ -12,7 +12,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.tools.map_import.survey import Survey
 
-FORMAT = 1
+FORMAT = 2
 
 
 def write_survey(survey: Survey, **options: Any) -> bytes:
