@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.console import format_one_line, is_terminal, log_line, write_result
+from scenewright.cli.console import Result, format_one_line, is_terminal, log_line
 from scenewright.cli.interrupts import keep, stop_if_asked
 from scenewright.cli.options import (
-    Json,
+    Asked,
     Lawful,
     MaxAgents,
     ModelOptions,
@@ -46,7 +46,7 @@ Workers = Annotated[
 
 
 @dataclass(frozen=True)
-class SceneOptions:
+class SceneOptions(Asked):
     """How the scenes of a run are made, and on how many processes."""
 
     workers: Workers = None
@@ -65,8 +65,7 @@ class SceneOptions:
         from scenewright.dataset.batch.worker import Options
         from scenewright.graph.run import choose_refiner, find_refiner_gap
 
-        own = {key: each for key, each in vars(self).items() if key in Options.__annotations__}
-        given = own | others
+        given = self.pass_on(Options) | others
         given["backend"] = tuple(given.get("backend") or BUILTIN)
         given["refiner"] = choose_refiner(given["refiner"])
         gap = find_refiner_gap(given["intersection"], given["refiner"])
@@ -120,8 +119,7 @@ def make_batch(
     shard: str = option("1/1", "Only every N-th row, from the I-th on.", metavar="I/N"),
     dry_run: bool = option(False, "Read everything, write nothing, say what is to do."),
     quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Make a scene of every row and a dataset of the scenes.
 
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
@@ -153,15 +151,12 @@ def make_batch(
         lines = [f"{found['rows']} rows, {found['done']} done, {found['to_do']} to do"]
         lines += [f"{each['id']!r} -> {each['folder']}" for each in found["first"]]
         text = "".join(format_one_line(line) + "\n" for line in lines)
-        write_result({"dry_run": True, **found}, text, as_json=as_json)
-        return
+        return Result({"dry_run": True, **found}, text)
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_batch(request, log=log)
     for name in exports or () if summary.made else ():
         export(list_scenes(request.out), name, request.out / EXPORTS / name)
-    if not quiet:
-        log_summary(summary)
-    write_result({"out": out, **build_summary_object(summary)}, f"{out}\n", as_json=as_json)
+    return show_summary(summary, {"out": out}, f"{out}\n")
 
 
 def count_cores() -> int:
@@ -171,32 +166,27 @@ def count_cores() -> int:
     return os.cpu_count() or 1
 
 
-def build_summary_object(summary: Summary) -> dict[str, Any]:
-    """What `--json` prints of a run."""
-    return {
+def show_summary(summary: Summary, facts: dict[str, Any], text: str) -> Result:
+    """What came of a run, for machines and in a few lines for people."""
+    own = {
         "rows": summary.rows,
-        **{status: summary.counts.get(status, 0) for status in ("made", "refused", "failed")},
-        "left": summary.counts.get("left", 0),
+        **{each: summary.counts.get(each, 0) for each in ("made", "refused", "failed", "left")},
         "done_now": summary.now,
         "complete": summary.complete,
         "reasons": summary.codes,
         "paid": summary.paid,
     }
-
-
-def log_summary(summary: Summary) -> None:
-    """Two lines for people."""
     counts = ", ".join(f"{count} {status}" for status, count in summary.counts.items())
-    log_line(f"{summary.rows} rows: {counts or 'none'}")
+    lines = [f"{summary.rows} rows: {counts or 'none'}"]
     if summary.codes:
         codes = ", ".join(f"{code} ({count})" for code, count in summary.codes.items())
-        log_line(f"without a scene: {codes}; table refused has each row's reason")
+        lines += [f"without a scene: {codes}; table refused has each row's reason"]
     if summary.paid:
-        log_line(
-            ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items())
-        )
+        paid = (f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items())
+        lines += [", ".join(paid)]
     if summary.counts.get("failed"):
-        log_line("rows that failed are tried again by the same command")
+        lines += ["rows that failed are tried again by the same command"]
+    return Result({**facts, **own}, text, summary=lines)
 
 
 @contextmanager
@@ -282,8 +272,7 @@ def sweep(
     out: Out,
     options: SweepOptions,
     quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Make scenes of a plan with ranges, distributions or lists in place of values.
 
     points.csv has the values of each point and what became of it: that physics or the place does
@@ -298,7 +287,5 @@ def sweep(
     logical = read_logical_plan(plan)
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_sweep(logical, request, n=options.n, sampling=options.sampling, log=log)
-    if not quiet:
-        log_summary(summary)
-    facts = {"out": out, "table": f"{out}/{TABLE}", **build_summary_object(summary)}
-    write_result(facts, f"{out}/{TABLE}\n", as_json=as_json)
+    table = f"{out}/{TABLE}"
+    return show_summary(summary, {"out": out, "table": table}, f"{table}\n")

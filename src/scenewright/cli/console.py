@@ -6,8 +6,9 @@ import json
 import os
 import sys
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TextIO
 
 from scenewright.cli.interrupts import stop_if_asked
@@ -15,8 +16,7 @@ from scenewright.cli.interrupts import stop_if_asked
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from scenewright.graph.run import ProgressCallback
-
+ProgressCallback = Callable[[str, str], None]
 LONGEST_LINE = 600
 _STAGES = {
     "scene_planner": "planning",
@@ -80,12 +80,36 @@ def write_json(value: Mapping[str, Any]) -> None:
     write_stdout(json.dumps(value, allow_nan=False) + "\n")
 
 
-def write_result(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
-    """To stdout either the facts as one object, `ok` unless they say else, or the text."""
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What came of a command.
+
+    Attributes:
+        facts: the object of `--json`, with `ok` unless it says else; text: stdout without.
+        summary: lines for people on stderr, but with --quiet; notes: lines that are always said.
+        code: of the process.
+    """
+
+    facts: Mapping[str, Any]
+    text: str | Callable[[], str]
+    summary: Iterable[str] = ()
+    notes: Iterable[str] = ()
+    code: int = 0
+
+
+def show_result(result: Result, *, quiet: bool, as_json: bool) -> None:
+    """To stdout either the facts as one object or the text; to stderr what is said to people."""
     if as_json:
-        write_json({"ok": True, **facts})
+        write_json({"ok": True, **result.facts})
     else:
-        write_stdout(text)
+        write_stdout(result.text if isinstance(result.text, str) else result.text())
+    tell([*(() if quiet else result.summary), *result.notes])
+
+
+def tell(lines: Iterable[str]) -> None:
+    """Lines to stderr, each on one line; one that is indented stays so."""
+    for line in lines:
+        log_line(("  " if line.startswith(" ") else "") + format_one_line(line))
 
 
 def abandon_stdout() -> None:

@@ -9,19 +9,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
 from scenewright.cli.batch import Workers, count_cores
 from scenewright.cli.console import (
+    ProgressCallback,
+    Result,
     format_columns,
     format_one_line,
     log_line,
     show_progress,
-    write_json,
-    write_stdout,
+    tell,
 )
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
-from scenewright.cli.options import Json, Quiet, TimeLimit, argument, option
+from scenewright.cli.options import Quiet, TimeLimit, argument, option
 from scenewright.cli.output_folder import fill_folder, target_folder, try_file
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.extras import describe_missing, require_extra
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from scenewright.driving.benchmark import BenchmarkScene, Row
     from scenewright.driving.report import Report
     from scenewright.driving.scenario import Scenario
-    from scenewright.graph.run import ProgressCallback
 
 Others = Literal["replay", "reactive", "resolve"]
 Temperament = Literal["obedient", "hasty", "careless"]
@@ -69,11 +67,17 @@ def drive(
     junit: str | None = option(None, "JUnit for CI.", metavar="F.xml", check=try_file),
     html: str | None = option(None, "Report as a page.", metavar="F.html", check=try_file),
     quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Drive the ego of a scene with a policy; docs/driving.md says what is measured."""
     from scenewright.driving.api import load_policy, load_scenario
-    from scenewright.driving.benchmark import BenchmarkScene, build_row, choose_scenes, load_listed
+    from scenewright.driving.benchmark import (
+        BenchmarkScene,
+        build_row,
+        choose_scenes,
+        load_listed,
+        read_list,
+    )
+    from scenewright.driving.benchmark_report import summarise_policies, tabulate
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
     from scenewright.driving.summary import summarise, summarise_rows
@@ -82,9 +86,11 @@ def drive(
     if benchmark == bool(text_or_scene) or (serve is not None and out is not None):
         raise InputError("name a text, a scene folder or --benchmark; --serve goes without --out")
     if benchmark:
-        _refuse_given({"--others": others != "replay", "--ego": ego is not None, "--seed": seed > 0,
-                       "--intersection": intersection != "amsterdam_120",
-                       "--time-limit": time_limit != DEFAULT_LIMIT})  # fmt: skip
+        given = {"--others": others != "replay", "--ego": ego is not None, "--seed": seed > 0,
+                 "--intersection": intersection != "amsterdam_120",
+                 "--time-limit": time_limit != DEFAULT_LIMIT}  # fmt: skip
+        if wrong := " and ".join(name for name, is_given in given.items() if is_given):
+            raise InputError(f"the scenes of the benchmark are fixed, without {wrong}")
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
     load = partial(
         load_scenario, text_or_scene, ego=ego, intersection=intersection, time_limit=time_limit
@@ -107,8 +113,12 @@ def drive(
     if benchmark or serve is not None:
         _write_results(rows, junit=junit, html=html)
         code = UNUSABLE if lost else _choose_exit_code(summarise_rows(rows), fail_on)
-        _print_rows(rows, {"ok": code == 0, "not_comparable": lost, "out": out}, as_json=as_json)
-        raise typer.Exit(code)
+        return Result(
+            {"ok": code == 0, "not_comparable": lost, "out": out, "version": read_list()[0],
+             "summary": summarise_policies(rows), "drives": rows},
+            lambda: format_columns(*tabulate(rows), right=set()),
+            code=code,
+        )  # fmt: skip
 
     def drive_with(seed: int) -> Report:
         return report_drive(run_drive(
@@ -129,23 +139,13 @@ def drive(
     _write_results(rows, junit=junit, html=html)
     summary = summarise(reports)
     code = _choose_exit_code(summary, fail_on)
-    if as_json:
-        write_json({
-            "ok": code == 0, "n": len(reports), "runs": runs, "summary": summary, "out": out,
-            "not_made": failed, "drives": [report.to_json() for report in reports],
-        })  # fmt: skip
-    else:
-        for report in reports:
-            log_line(format_one_line(_describe(report)))
-        for key, value in summary.items():
-            write_stdout(f"{key.replace('_', ' ')}: {_format(value)}\n")
-    raise typer.Exit(code)
-
-
-def _refuse_given(options: dict[str, bool]) -> None:
-    """InputError where an option is given that the benchmark's list of scenes sets."""
-    if wrong := [name for name, is_given in options.items() if is_given]:
-        raise InputError(f"the scenes of the benchmark are fixed, without {' and '.join(wrong)}")
+    return Result(
+        {"ok": code == 0, "n": len(reports), "runs": runs, "summary": summary, "out": out,
+         "not_made": failed, "drives": [report.to_json() for report in reports]},
+        "".join(f"{key.replace('_', ' ')}: {_format(value)}\n" for key, value in summary.items()),
+        notes=map(_describe, reports),
+        code=code,
+    )  # fmt: skip
 
 
 def _choose_exit_code(summary: dict[str, Any], fail_on: FailOn | None) -> int:
@@ -215,8 +215,7 @@ def _drive_scenes(
         rows, lost = drive_benchmark(
             scenes, names, workers=workers, step_limit=step_limit, out=part, log=log
         )
-    for why in lost.values():
-        log_line(format_one_line(why))
+    tell(lost.values())
     if len(lost) == len(scenes):
         raise InputError("none of the scenes can be used")
     return rows, lost
@@ -254,18 +253,6 @@ def _write_results(rows: Sequence[Row], *, junit: str | None, html: str | None) 
         write_atomically(junit, build_junit(list_test_cases(rows)))
     if html is not None:
         write_atomically(html, build_page(rows))
-
-
-def _print_rows(rows: list[Row], said: dict[str, Any], *, as_json: bool) -> None:
-    """A line for each policy; or everything as JSON, with what else is said."""
-    from scenewright.driving.benchmark import read_list
-    from scenewright.driving.benchmark_report import summarise_policies, tabulate
-
-    if as_json:
-        told = {"version": read_list()[0], "summary": summarise_policies(rows), "drives": rows}
-        write_json(said | told)
-    else:
-        write_stdout(format_columns(*tabulate(rows), right=set()))
 
 
 def _describe(report: Report) -> str:

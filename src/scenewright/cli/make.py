@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,10 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.options import Lawful, MaxAgents, ModelOptions, TimeLimit, option
-from scenewright.cli.output_folder import fill_folder, shorten_path, target_folder, try_folder
-from scenewright.cli.views import ViewKind, add_views, write_view
+from scenewright.cli.options import Asked, Lawful, MaxAgents, ModelOptions, TimeLimit, option
+from scenewright.cli.output_folder import plan_folder
+from scenewright.cli.views import ViewKind, save_scene, write_view
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file
 from scenewright.time_limit import DEFAULT_LIMIT
@@ -23,14 +21,13 @@ if TYPE_CHECKING:
     from scenewright.graph.run import ProgressCallback, Scene
     from scenewright.scene.plan_file import PlanFile
 
-SCENES = "scenes"
 MOST_TEXT = 1 << 20
 OFFERED = 8
 """Candidates per agent that a recording shows."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class MakeOptions:
+class MakeOptions(Asked):
     """How `make` makes a scene, and what it writes."""
 
     intersection: str = option("amsterdam_120", "Where it happens.")
@@ -124,7 +121,7 @@ def make_scene(
 
     Args:
         asked: the instruction, or the plan of a file.
-        answer: called with what happens in the scene, a few lines, before views of it are drawn.
+        answer: called with what happens in the scene, a few lines, before it is written.
 
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`; or the folder cannot be written.
@@ -136,50 +133,31 @@ def make_scene(
 
     if isinstance(asked, PlanFile):
         check_plan(asked, intersection=options.intersection)
-    target = None if options.out is None else target_folder(options.out, force=options.force)
-    try_folder(options.out or SCENES)
-    scene = synthesize(
-        asked, intersection=options.intersection, backend=backend, seed=options.seed,
-        refiner=options.refiner, selection=options.selection, lenient=options.lenient,
-        max_agents=options.max_agents, lawful=options.lawful, time_limit=options.time_limit,
-        log=log,
-    )  # fmt: skip
-    if target is None:
-        name = Path(SCENES) / choose_folder_name(scene.record.meta.scene_id)
-        target = target_folder(str(name), force=options.force)
-    with fill_folder(target) as part:
-        scene.save(part, profile=options.profile)
-        place = load_map(scene.record.meta.intersection)
-        answer(summarize_scene(scene.record, scene.proof, place))
-        warnings = _add_views(scene, part, options, log)
-        ran = scene.provenance["refinement"]
-        if scene.provenance["refiner"] == "trajnet" and ran["refiner"] == "none":
-            warnings.insert(0, ran["note"])
-        files = tuple(sorted(entry.name for entry in part.iterdir()))
-        stop_if_asked()
-    return MakeResult(scene, shorten_path(target), files, tuple(warnings))
+    choose = plan_folder(options.out, force=options.force)
+    scene = synthesize(asked, backend=backend, log=log, **options.pass_on(synthesize))
+    record, proof = scene.record, scene.proof
+    target = choose(record.meta.scene_id)
+    answer(summarize_scene(record, proof, load_map(record.meta.intersection)))
 
+    def draw(kind: ViewKind) -> Callable[[Path], None]:
+        return lambda path: write_view(kind, path, record, proof)
 
-def choose_folder_name(scene_id: str) -> str:
-    """A scene id as a plain file name: it derives from text of any origin."""
-    slug = re.sub(r"[^a-z0-9_]+", "-", scene_id.lower()).strip("-")[:80].rstrip("-")
-    return slug or "scene"
-
-
-def _add_views(
-    scene: Scene, folder: Path, options: MakeOptions, log: ProgressCallback
-) -> list[str]:
-    def write(kind: ViewKind) -> Callable[[Path], None]:
-        return partial(write_view, kind, scene=scene.record, proof=scene.proof)
-
-    views: dict[str, tuple[bool, Callable[[Path], None]]] = {
-        "scene.png": (not options.no_picture, write("png")),
+    views = {
+        "scene.png": (not options.no_picture, draw("png")),
         "scene.rrd": (not options.no_recording, partial(_record, scene)),
-        "scene.gif": (options.gif, write("gif")),
-        "scene.html": (options.html, write("html")),
+        "scene.gif": (options.gif, draw("gif")),
+        "scene.html": (options.html, draw("html")),
     }
-    wanted = {name: view for name, (asked, view) in views.items() if asked}
-    return add_views(folder, wanted, partial(log, "writing"))
+    folder, files, warnings = save_scene(
+        target,
+        scene.list_files(profile=options.profile),
+        {name: view for name, (wanted, view) in views.items() if wanted},
+        partial(log, "writing"),
+    )
+    ran = scene.provenance["refinement"]
+    if scene.provenance["refiner"] == "trajnet" and ran["refiner"] == "none":
+        warnings.insert(0, ran["note"])
+    return MakeResult(scene, folder, tuple(files), tuple(warnings))
 
 
 def _record(scene: Scene, path: Path) -> None:

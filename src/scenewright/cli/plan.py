@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenewright.backends import Backend, Call, Named, Question
-from scenewright.cli.console import format_one_line, log_line, write_stdout
+from scenewright.cli.console import format_one_line, log_line
 from scenewright.cli.errors import to_cli_error
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import BackendFault, InputError, Rejected
@@ -114,37 +114,41 @@ def plan(
         BackendFault: the backend failed for good.
     """
     from scenewright.backends import load_backend
-    from scenewright.intersections import load_map
 
     if isinstance(backend, str | Sequence | Mapping):
         backend = load_backend(backend)
-    intersection_map = None if intersection is None else load_map(intersection)
-    rows = [{"id": "", "text": text, "previous": previous}]
-    (row,) = plan_rows(rows, backend, intersection_map=intersection_map)
+    (row,), _ = plan_all([{"id": "", "text": text, "previous": previous}], backend, intersection)
     del row["id"]
     return row
 
 
 def plan_all(
-    rows: list[Any],
-    backend: Backend,
-    calls: list[Call],
-    *,
-    intersection_map: IntersectionMap | None = None,
-) -> list[dict[str, Any]]:
-    """Every row out; what answers have cost is added to `calls`, and to a fault of the backend.
+    rows: list[Any], backend: Backend, intersection: str | None = None
+) -> tuple[list[dict[str, Any]], dict[str, int]]:
+    """Every row out; and requests to models, with tokens as far as counted, if any were asked.
 
     Raises:
-        BackendFault: the backend failed for good.
+        InputError: no such intersection.
+        BackendFault: the backend failed for good; carries what answers have cost.
     """
-    account = calls.append
+    from scenewright.intersections import load_map
+
+    place, calls = None if intersection is None else load_map(intersection), list[Call]()
     try:
-        return list(plan_rows(rows, backend, intersection_map=intersection_map, account=account))
+        planned = list(plan_rows(rows, backend, intersection_map=place, account=calls.append))
     except BackendFault as fault:
         from scenewright.graph.run import sum_costs_by_task
 
         fault.models = sum_costs_by_task(calls)
         raise
+    asked = sum(call.asked for call in calls)
+    if not asked:
+        return planned, {}
+    return planned, {
+        "requests": asked,
+        "input_tokens": sum(call.input_tokens or 0 for call in calls),
+        "output_tokens": sum(call.output_tokens or 0 for call in calls),
+    }
 
 
 def _map_in_threads(task: Callable[[Any], Plan], rows: list[Any], many: int) -> Iterator[Plan]:
@@ -173,18 +177,6 @@ def _map_in_threads(task: Callable[[Any], Plan], rows: list[Any], many: int) -> 
     for _ in range(min(many, len(rows))):
         threading.Thread(target=work, daemon=True).start()
     yield from (reply.result() for reply in replies)
-
-
-def sum_costs(calls: list[Call]) -> dict[str, int]:
-    """Requests to models, and tokens in and out as far as they were counted; empty without any."""
-    asked = sum(call.asked for call in calls)
-    if not asked:
-        return {}
-    return {
-        "requests": asked,
-        "input_tokens": sum(call.input_tokens or 0 for call in calls),
-        "output_tokens": sum(call.output_tokens or 0 for call in calls),
-    }
 
 
 def _find_fault(row: Any) -> str | None:
@@ -339,18 +331,3 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         left = "; ".join(f"{name}: {what}" for name, what in open_.items())
         words = f"For example: {words} Left open: {left}."
     return {"file": path, "summary": words, "as_read": given.as_read, "open": open_}
-
-
-def write_text(path: str, text: str) -> None:
-    """The text as a file, whole or not at all; `-` is stdout.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    from scenewright.files import write_atomically
-
-    data = text.encode("utf-8", "backslashreplace")
-    if path == "-":
-        write_stdout(data.decode("utf-8"))
-    else:
-        write_atomically(path, data)

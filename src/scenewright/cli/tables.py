@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.console import log_line, show_progress, write_result
-from scenewright.cli.options import Json, Quiet, argument, option
+from scenewright.cli.console import ProgressCallback, Result, log_line
+from scenewright.cli.options import argument, option
 from scenewright.cli.output_folder import try_folder, write_report
 from scenewright.errors import InputError
 
@@ -23,6 +24,7 @@ RealTracks = Annotated[
 
 
 def print_tables(
+    *,
     folder: str = argument(..., "Folder of the dataset.", metavar="DIR"),
     corpus: Corpus = None,
     taf_bw: RealTracks = None,
@@ -32,25 +34,17 @@ def print_tables(
     understanding: bool = option(True, "Measure Table 3.", "--understanding/--no-understanding"),
     draws: int = option(1000, "Resamplings for the intervals.", min=10),
     seed: int = option(0, "Of the resamplings.", min=0),
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Print and write Tables 1 to 5 of the paper, realism and diversity, for a dataset.
 
     Writes tables.md and tables.json. How scenes move and differ needs recorded hours.
     """
-    with show_progress(quiet=quiet) as log:
-        page, values, target = write_tables(
-            Path(folder),
-            out=out,
-            corpus=parse_path(corpus),
-            real=parse_path(taf_bw),
-            understand=understanding,
-            draws=draws,
-            seed=seed,
-            log=lambda line: log("measuring", line),
-        )
-    write_result({"out": str(target), **values}, page, as_json=as_json)
+    page, values, target = write_tables(
+        Path(folder), out=out, corpus=parse_path(corpus), real=parse_path(taf_bw),
+        understand=understanding, draws=draws, seed=seed, log=partial(log, "measuring"),
+    )  # fmt: skip
+    return Result({"out": str(target), **values}, page)
 
 
 def parse_path(name: str | None) -> Path | None:

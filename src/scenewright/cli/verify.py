@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import format_one_line, render_table
+from scenewright.cli.console import Result, format_one_line, render_table
+from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
 from scenewright.cli.scene_summary import (
     choose_style,
     format_verdict,
@@ -134,40 +135,36 @@ def _describe_fault(error: Exception) -> str:
     return format_one_line(getattr(error, "strerror", None) or str(error))
 
 
-def build_object(checked: list[Checked | CheckedTracks]) -> dict[str, Any]:
-    """The object of `--json`: a list of all, or what one file of tracks holds."""
-    good = all(is_good(each) for each in checked)
-    if len(checked) == 1 and isinstance(checked[0], CheckedTracks):
-        return {"ok": good, **checked[0].to_json()}
-    return {"ok": good, "scenes": [each.to_json() for each in checked]}
+def report(checked: list[Checked | CheckedTracks]) -> Result:
+    """The scenes in one table, each file of tracks in one of its own; 1 or 2 if one is not good.
 
-
-def is_good(checked: Checked | CheckedTracks) -> bool:
-    """Whether nothing stands against it; of tracks, in which nothing is asked for, nothing can."""
-    if isinstance(checked, CheckedTracks):
-        return True
-    return checked.proof is not None and checked.proof.verified
-
-
-def list_notes(checked: list[Checked | CheckedTracks]) -> list[str]:
-    """What was assumed about tracks and what beside scenes was not looked at, one line each."""
-    return [
-        format_one_line(f"{each.path}: {note}")
-        for each in checked
-        for note in (
-            each.tracks.notes
-            if isinstance(each, CheckedTracks)
-            else [f"not looked at: {', '.join(each.unchecked)}"] * bool(each.unchecked)
-        )
-    ]
-
-
-def report(checked: list[Checked | CheckedTracks]) -> str:
-    """The scenes in one table, and each file of tracks in one of its own."""
+    Notes are what was assumed about tracks, what beside scenes was not looked at, and why files
+    are unusable.
+    """
     scenes = [each for each in checked if isinstance(each, Checked)]
     tracks = [each for each in checked if isinstance(each, CheckedTracks)]
-    listed = _format_scenes(scenes) if any(each.proof for each in scenes) else ""
-    return listed + "".join(format_tracks_report(each) for each in tracks)
+    unusable = [each.error for each in scenes if each.error is not None]
+    good = all(each.proof is not None and each.proof.verified for each in scenes)
+    facts = {"ok": good, "scenes": [each.to_json() for each in checked]}
+    if tracks and len(checked) == 1:
+        facts = {"ok": good, **tracks[0].to_json()}
+    notes = [f"{each.path}: {note}" for each in tracks for note in each.tracks.notes]
+    notes += [
+        f"{each.path}: not looked at: {', '.join(each.unchecked)}"
+        for each in scenes
+        if each.unchecked
+    ]
+
+    def format_all() -> str:
+        listed = _format_scenes(scenes) if any(each.proof for each in scenes) else ""
+        return listed + "".join(map(format_tracks_report, tracks))
+
+    return Result(
+        facts,
+        format_all,
+        notes=[*(f"note: {each}" for each in notes), *(f"scenewright: {e}" for e in unusable)],
+        code=0 if good else UNUSABLE if unusable else NOT_VERIFIED,
+    )
 
 
 def _format_scenes(checked: list[Checked]) -> str:

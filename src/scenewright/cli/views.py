@@ -13,6 +13,7 @@ from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import fill_folder, shorten_path, target_folder
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.extras import MissingPackageError
+from scenewright.files import write_atomically
 
 if TYPE_CHECKING:
     from scenewright.authoring.session import SessionVersion
@@ -94,24 +95,36 @@ def write_view(
         write_player(path, scene=scene, proof=proof, intersection=intersection_map)
 
 
-def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], list[str]]:
-    """The folder, its files and what could not be added.
+def save_scene(
+    target: Path,
+    files: Mapping[str, bytes],
+    views: Mapping[str, Callable[[Path], None]],
+    log: Callable[[str], None] = lambda _: None,
+) -> tuple[Path, list[str], list[str]]:
+    """Writes a scene's folder as a whole: it, its files, and what could not be added (`add_views`).
 
     Raises:
         InputError: the folder cannot be written.
     """
-    from scenewright.files import write_atomically
-
-    target = target_folder(path, force=None)
     with fill_folder(target) as part:
-        write_atomically(part / "scene.json", shown.scene_json)
-        write_atomically(part / "proof.json", shown.proof_json)
-        write_atomically(part / "provenance.json", shown.provenance_json)
-        draw = partial(write_view, "png", scene=shown.record, proof=shown.proof)
-        views = {"scene.png": draw, "scene.rrd": partial(record_version, shown)}
-        warnings = add_views(part, views)
-        files = sorted(entry.name for entry in part.iterdir())
-    return shorten_path(target), files, warnings
+        for name, data in files.items():
+            write_atomically(part / name, data)
+        warnings = add_views(part, views, log)
+        names = sorted(entry.name for entry in part.iterdir())
+        stop_if_asked()
+    return shorten_path(target), names, warnings
+
+
+def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], list[str]]:
+    """A version as a folder (see `save_scene`)."""
+    files = {
+        "scene.json": shown.scene_json,
+        "proof.json": shown.proof_json,
+        "provenance.json": shown.provenance_json,
+    }
+    draw = partial(write_view, "png", scene=shown.record, proof=shown.proof)
+    views = {"scene.png": draw, "scene.rrd": partial(record_version, shown)}
+    return save_scene(target_folder(path, force=None), files, views)
 
 
 def record_version(shown: SessionVersion, path: Path) -> None:
