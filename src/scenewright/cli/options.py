@@ -62,9 +62,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summ
 
 @dataclass(frozen=True)
 class Asked:
-    """A request; pydantic refuses fields that it does not have."""
+    """A request; pydantic refuses what is no field, or of another type."""
 
-    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}
+    __pydantic_config__: ClassVar[Any] = {"extra": "forbid", "strict": True}
 
     def pass_on(self, to: Callable[..., Any]) -> dict[str, Any]:
         """The options that a function takes, by name."""
@@ -229,7 +229,7 @@ class ModelOptions:
 
 
 @dataclass(frozen=True)
-class SessionOptions:
+class SessionOptions(Asked):
     """What conversations of `chat`, `mcp` and `serve` begin with, and where they are kept."""
 
     intersection: str = option("amsterdam_120", "Where new conversations happen.")
@@ -241,7 +241,7 @@ class SessionOptions:
 
 
 @dataclass(frozen=True)
-class ImportOptions:
+class ImportOptions(Asked):
     """Which junction of a map file is imported, and how."""
 
     name: str = option(..., "What to call it; commands take the short form that is shown.")
