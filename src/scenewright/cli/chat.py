@@ -19,6 +19,7 @@ from scenewright.cli.console import (
 )
 from scenewright.cli.interrupts import forget_interrupt, has_terminate_signal
 from scenewright.cli.sessions import (
+    build_facts,
     choose_free_name,
     compare,
     find_memory_file,
@@ -54,7 +55,6 @@ Say what shall happen, then what shall be different: "make the pedestrian come f
 /why                why the last words were refused
 /help, /quit"""
 
-_AGENT = ("id", "name", "type", "subtype", "entry", "exit", "role")
 _LONGEST_WORDS = 20_000
 _LONGEST_HISTORY = 2000
 
@@ -292,19 +292,6 @@ class _ChatLoop:
 
         for style, line in format_reply(reply, shown):
             _print(style, line)
-
-
-def build_facts(shown: SessionVersion) -> dict[str, Any]:
-    """What a script wants to know of a version."""
-    version = shown.version
-    return {
-        **shown.proof.build_verdict(),
-        "events": shown.record.to_json()["events"],
-        "agents": [{key: getattr(each, key) for key in _AGENT} for each in shown.record.agents],
-        "duration": shown.record.meta.duration,
-        "time_of_day": shown.record.meta.time_of_day,
-        **{key: version[key] for key in ("edits", "moved", "gone", "come", "longer", "let_go")},
-    }
 
 
 def _print(style: str, line: str) -> None:

@@ -101,3 +101,19 @@ def list_versions(session: Session) -> dict[str, Any]:
         for each in state.get("versions", [])
     ]
     return {"versions": rows, "current": state.get("current")}
+
+
+_AGENT = ("id", "name", "type", "subtype", "entry", "exit", "role")
+
+
+def build_facts(shown: SessionVersion) -> dict[str, Any]:
+    """What a script wants to know of a version."""
+    version = shown.version
+    return {
+        **shown.proof.build_verdict(),
+        "events": shown.record.to_json()["events"],
+        "agents": [{key: getattr(each, key) for key in _AGENT} for each in shown.record.agents],
+        "duration": shown.record.meta.duration,
+        "time_of_day": shown.record.meta.time_of_day,
+        **{key: version[key] for key in ("edits", "moved", "gone", "come", "longer", "let_go")},
+    }

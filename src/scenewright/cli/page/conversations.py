@@ -14,9 +14,9 @@ from scenewright.authoring.read_turn import SENTENCE
 from scenewright.authoring.session import LENIENT, MAIN, Session, SessionVersion, list_branches
 from scenewright.authoring.thread_state import ThreadState
 from scenewright.backends import Backend
-from scenewright.cli.chat import build_facts
 from scenewright.cli.options import SessionOptions
 from scenewright.cli.sessions import (
+    build_facts,
     choose_free_name,
     compare,
     get_version,
