@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenewright.cli.console import (
+    ProgressCallback,
     format_one_line,
     is_terminal,
     log_line,
+    paint,
     show_progress,
     write_json,
     write_stdout,
@@ -35,7 +37,6 @@ if TYPE_CHECKING:
     from scenewright.authoring.session import Session, SessionVersion
     from scenewright.cli.chat_commands import ChatOptions
     from scenewright.cli.views import ViewKind
-    from scenewright.graph.run import ProgressCallback
     from scenewright.memory.episodes import Episodes
 
 HELP = """\
@@ -70,28 +71,17 @@ def run_chat(options: ChatOptions, *, quiet: bool = False, as_json: bool = False
 
     backend = options.model.load()
     episodes = None if options.no_memory else Episodes(find_memory_file())
-    progress_log = _ProgressLog()
+    shown: list[ProgressCallback] = []  # the display of the turn that is worked on
     threads, session = open_session(
         options, options.thread or choose_free_name("thread", list_threads(options.threads)),
-        backend, refiner=options.refiner, log=progress_log,
+        backend, refiner=options.refiner,
+        log=lambda stage, line: [show(stage, line) for show in shown],
         recall=None if episodes is None else recall_from(episodes),
     )  # fmt: skip
     try:
-        _ChatLoop(
-            session, progress_log, episodes, out=options.out, quiet=quiet, as_json=as_json
-        ).run()
+        _ChatLoop(session, shown, episodes, out=options.out, quiet=quiet, as_json=as_json).run()
     finally:
         threads.close()
-
-
-class _ProgressLog:
-    """Passes the messages of a turn to the current display."""
-
-    def __init__(self) -> None:
-        self.to: ProgressCallback = lambda _stage, _line: None
-
-    def __call__(self, stage: str, line: str) -> None:
-        self.to(stage, line)
 
 
 class _ChatLoop:
@@ -100,14 +90,14 @@ class _ChatLoop:
     def __init__(
         self,
         session: Session,
-        progress_log: _ProgressLog,
+        displays: list[ProgressCallback],
         episodes: Episodes | None,
         *,
         out: str | None,
         quiet: bool,
         as_json: bool,
     ) -> None:
-        self._session, self._progress_log, self._episodes = session, progress_log, episodes
+        self._session, self._displays, self._episodes = session, displays, episodes
         self._out, self._json = out, as_json
         self._quiet = quiet or as_json or not is_terminal(sys.stderr)
         self._commands: dict[str, Callable[[list[str]], dict[str, Any]]] = {
@@ -179,7 +169,7 @@ class _ChatLoop:
         """One turn; Ctrl-C gives it up and leaves the thread as it was."""
         try:
             with show_progress(quiet=self._quiet) as log:
-                self._progress_log.to = log
+                self._displays[:] = [log]
                 return self._session.say(words)
         except KeyboardInterrupt:
             if has_terminate_signal():
@@ -187,7 +177,7 @@ class _ChatLoop:
             forget_interrupt()
             return {"kind": "nothing", "reason": "given up; the scene is as it was"}
         finally:
-            self._progress_log.to = lambda _stage, _line: None
+            self._displays.clear()
 
     def _list_branches(self) -> dict[str, Any]:
         from scenewright.authoring.session import MAIN, list_branches
@@ -219,12 +209,15 @@ class _ChatLoop:
 
     def _save_view(self, kind: ViewKind, arguments: list[str]) -> dict[str, Any]:
         """Writes the current version as one file; a file that is there is not overwritten."""
-        from scenewright.cli.views import write_view
-
         shown = get_version(self._session)
         path = Path(" ".join(arguments) or f"{self._name(shown)}.{kind}")
         if path.exists():
             raise InputError(f"{path} is there already; name another file")
+        return self._write(kind, path, shown)
+
+    def _write(self, kind: ViewKind, path: Path, shown: SessionVersion) -> dict[str, Any]:
+        from scenewright.cli.views import write_view
+
         write_view(kind, path, shown.record, shown.proof)
         return {"kind": "saved", "folder": str(path.parent), "files": [path.name], "warnings": []}
 
@@ -246,15 +239,11 @@ class _ChatLoop:
         """Opens the current version in the browser; says where its page lies."""
         import webbrowser
 
-        from scenewright.cli.views import write_view
-
         shown = get_version(self._session)
         path = self._view_file(shown, "html")
-        write_view("html", path, shown.record, shown.proof)
-        opened = webbrowser.open(path.as_uri())
-        warnings = [] if opened else ["there is no browser to open it in"]
-        return {"kind": "saved", "folder": str(path.parent), "files": [path.name],
-                "warnings": warnings}  # fmt: skip
+        reply = self._write("html", path, shown)
+        none = [] if webbrowser.open(path.as_uri()) else ["there is no browser to open it in"]
+        return {**reply, "warnings": none}
 
     def _open(self) -> dict[str, Any]:
         """Opens the recording of the current version, until its viewer is closed."""
@@ -291,24 +280,9 @@ class _ChatLoop:
         from scenewright.cli.turn_report import format_reply
 
         for style, line in format_reply(reply, shown):
-            _print(style, line)
-
-
-def _print(style: str, line: str) -> None:
-    """A line for people, in colour where a terminal shows it."""
-    plain = format_one_line(line, limit=_LONGEST_HISTORY)
-    indent = line[: len(line) - len(line.lstrip(" "))]
-    if not is_terminal(sys.stdout):
-        write_stdout(f"{indent}{plain}\n")
-        return
-    from io import StringIO
-
-    from rich.console import Console
-    from rich.text import Text
-
-    buffer = StringIO()
-    Console(file=buffer, force_terminal=True, soft_wrap=True).print(Text(indent + plain, style))
-    write_stdout(buffer.getvalue())
+            indent = line[: len(line) - len(line.lstrip(" "))]
+            plain = format_one_line(line, limit=_LONGEST_HISTORY)
+            write_stdout(paint(indent + plain, style) + "\n")
 
 
 def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
@@ -319,7 +293,7 @@ def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
         for raw in sys.stdin.buffer:
             yield raw[: 4 * _LONGEST_WORDS].decode("utf-8", "surrogateescape")
         return
-    with _line_history():
+    with _keep_history():
         while True:
             try:
                 yield input(prompt)
@@ -333,21 +307,21 @@ def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
                 log_line("\n/quit or Ctrl-D ends the conversation")
 
 
-class _line_history:  # noqa: N801 - used as a function
+@contextmanager
+def _keep_history() -> Iterator[None]:
     """Arrow keys bring back what was typed, also in earlier conversations."""
+    file = find_data_folder() / "chat_history"
+    with suppress(ImportError, OSError):
+        import readline
 
-    def __enter__(self) -> None:
-        self._file = find_data_folder() / "chat_history"
+        readline.set_history_length(1000)
+        readline.read_history_file(file)
+    try:
+        yield
+    finally:
         with suppress(ImportError, OSError):
             import readline
 
-            readline.set_history_length(1000)
-            readline.read_history_file(self._file)
-
-    def __exit__(self, *_: object) -> None:
-        with suppress(ImportError, OSError):
-            import readline
-
-            self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            readline.write_history_file(self._file)
-            self._file.chmod(0o600)
+            file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            readline.write_history_file(file)
+            file.chmod(0o600)

@@ -9,12 +9,9 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from scenewright.cli.interrupts import stop_if_asked
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 ProgressCallback = Callable[[str, str], None]
 LONGEST_LINE = 600
@@ -122,16 +119,14 @@ def abandon_stdout() -> None:
         return
 
 
-def render_table(table: Table) -> str:
-    """A table as text, in colour on a terminal, never cut short in a pipe."""
-    from io import StringIO
+_COLOURS = {"red": 31, "green": 32, "yellow": 33, "dim": 2}
 
-    from rich.console import Console
 
-    tty = is_terminal(sys.stdout)
-    page = StringIO()
-    Console(file=page, force_terminal=tty, width=None if tty else 4000).print(table)
-    return "\n".join(line.rstrip() for line in page.getvalue().splitlines()) + "\n"
+def paint(line: str, style: str) -> str:
+    """A line of stdout in a colour, or dim, where a terminal shows it; a style of "" is plain."""
+    if not style or not is_terminal(sys.stdout) or os.environ.get("NO_COLOR"):
+        return line
+    return f"\x1b[{_COLOURS[style]}m{line}\x1b[0m"
 
 
 def format_columns(titles: Sequence[str], rows: Sequence[Sequence[str]], *, right: Set[str]) -> str:

@@ -48,10 +48,10 @@ def find(
     from scenewright.graph.find import format_variation, save_clip
 
     found = search(query, asked)
-    clips = [
-        str(save_clip(hit, Path(out) / f"{n:03}"))
-        for n, hit in enumerate(found.hits if out is not None else (), start=1)
-    ]
+    clips = []
+    if out is not None:
+        for n, hit in enumerate(found.hits, start=1):
+            clips.append(str(save_clip(hit, Path(out) / f"{n:03}")))
     if vary is not None and found.hits:
         best = min(found.hits, key=lambda hit: len(hit.untested))
         write_atomically(Path(vary), format_variation(best).encode())

@@ -155,10 +155,11 @@ def plan(
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     backend = model.load()
     if schema:
-        return deliver(planning.format_plan_schema(), {})
+        from scenewright.scene.plan_file import build_plan_schema
+
+        return deliver(json.dumps(build_plan_schema(), indent=1, ensure_ascii=False) + "\n", {})
     if as_yaml or as_osc:
-        write = planning.format_osc_dsl if as_osc else planning.format_plan_of_text
-        return deliver(write(rows, backend, intersection), {})
+        return deliver(planning.format_plan_of(rows, backend, intersection, osc=as_osc), {})
     if is_plan_file(rows):
         checked = planning.check_plan_file(rows, intersection)
         return Result(checked, f"{checked['file']}: {checked['summary']}\n")

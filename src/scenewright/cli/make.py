@@ -142,7 +142,7 @@ def make_scene(
     def draw(kind: ViewKind) -> Callable[[Path], None]:
         return lambda path: write_view(kind, path, record, proof)
 
-    views = {
+    views: dict[str, tuple[bool, Callable[[Path], None]]] = {
         "scene.png": (not options.no_picture, draw("png")),
         "scene.rrd": (not options.no_recording, partial(_record, scene)),
         "scene.gif": (options.gif, draw("gif")),

@@ -56,14 +56,15 @@ def build_server(options: SessionOptions, *, thread: str, out: str | None) -> MC
 
     server: MCPServer[Any] = MCPServer("scenewright", instructions=_GUIDE, log_level="WARNING")
     desk = _ClientState(options, thread=thread, out=out)
-    for tool in (
+    tools: list[Callable[..., dict[str, Any]]] = [
         desk.make_scene, desk.make_planned_scene, desk.edit_scene, desk.edit_by_hand,
         desk.undo, desk.redo, desk.branch,
         desk.show_scene, desk.list_versions, desk.list_threads, desk.open_thread,
         desk.explain_refusal, desk.verify_scene, desk.scene_json, desk.save_scene,
         desk.start_scene, *desk.list_steps(),
         desk.measure_coverage, desk.read_catalogue, desk.find_scenarios,
-    ):  # fmt: skip
+    ]  # fmt: skip
+    for tool in tools:
         server.add_tool(_answer_refusals(tool), structured_output=True)
     for name, kind, about, read in _RESOURCES:
         uri = f"scene://version/{{version}}/{name}"

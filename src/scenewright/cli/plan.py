@@ -238,48 +238,31 @@ def ask_for_plan(
     return build_refusal(f"The backend gave no usable plan: {wrong[-1]}")
 
 
-def format_plan_of_text(text: str, backend: Backend, intersection: str | None) -> str:
-    """The plan of an instruction as a file; as `make` plans it.
+def format_plan_of(text: str, backend: Backend, intersection: str | None, *, osc: bool) -> str:
+    """The plan of a file, or of an instruction as `make` plans it, as YAML.
+
+    Args:
+        osc: in OpenSCENARIO DSL instead, with what a file leaves open.
 
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`.
     """
-    from scenewright.cli.make import read_request
-    from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
-    from scenewright.scene.plan_file import PlanFile, format_plan
-
-    words = read_request(text)
-    if isinstance(words, PlanFile):
-        return format_plan(words.plan, words.text if words.as_read else "")
-    place = intersection or DEFAULT_INTERSECTION
-    return format_plan(plan_instruction(words, intersection=place, backend=backend), words)
-
-
-def format_osc_dsl(text: str, backend: Backend, intersection: str | None) -> str:
-    """The plan of a file, with what it leaves open, or of a text, in OpenSCENARIO DSL.
-
-    Raises:
-        InputError, Unsatisfiable, BackendFault: as `synthesize`.
-    """
+    from scenewright.cli.make import read_instruction
     from scenewright.files import is_plan_file
     from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
-    from scenewright.scene.plan_file import LogicalPlan, read_logical_plan
+    from scenewright.scene.plan_file import LogicalPlan, format_plan, read_logical_plan, read_plan
 
     if is_plan_file(text):
-        logical = read_logical_plan(text)
-    else:
-        place = intersection or DEFAULT_INTERSECTION
-        plan = plan_instruction(text, intersection=place, backend=backend)
-        fields = plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-        logical = LogicalPlan("words", {**fields, "text": text})
-    return logical.format_osc_dsl()
-
-
-def format_plan_schema() -> str:
-    """The JSON Schema of plan files."""
-    from scenewright.scene.plan_file import build_plan_schema
-
-    return json.dumps(build_plan_schema(), indent=1, ensure_ascii=False) + "\n"
+        if osc:
+            return read_logical_plan(text).format_osc_dsl()
+        given = read_plan(text)
+        return format_plan(given.plan, given.text if given.as_read else "")
+    words, place = read_instruction(text), intersection or DEFAULT_INTERSECTION
+    plan = plan_instruction(words, intersection=place, backend=backend)
+    if not osc:
+        return format_plan(plan, words)
+    fields = plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    return LogicalPlan("words", {**fields, "text": words}).format_osc_dsl()
 
 
 _POINTS = 16

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import Result, format_one_line, render_table
+from scenewright.cli.console import Result, format_columns, format_one_line, paint
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
 from scenewright.cli.scene_summary import (
     choose_style,
@@ -169,26 +169,23 @@ def report(checked: list[Checked | CheckedTracks]) -> Result:
 
 def _format_scenes(checked: list[Checked]) -> str:
     """A table of events and verdicts; below it what stands against a scene, and words not seen."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("scene", "verdict", "event", "from", "to"):
-        table.add_column(title, overflow="fold")
-    for title in ("time", "place"):
-        table.add_column(title, justify="right", no_wrap=True)
+    rows, styles = [], []
     for each in checked:
         if each.scene is None or each.proof is None:
             continue
         style = choose_style(verified=each.proof.verified, caveat=each.proof.caveat)
-        head = Text(format_one_line(str(each.path))), Text(format_verdict(each.proof), style=style)
+        head = format_one_line(str(each.path)), format_verdict(each.proof)
         events = [_list_cells(event, each.scene) for event in each.proof.events]
         for cells in events or [("normal", "", "", "", "")]:
-            table.add_row(*head, *map(Text, cells))
-            head = Text(""), Text("")
+            rows.append((*head, *cells))
+            styles.append(style)
+            head, style = ("", ""), ""
+    titles = ("scene", "verdict", "event", "from", "to", "time", "place")
+    lines = format_columns(titles, rows, right={"time", "place"}).split("\n")
+    for k, style in enumerate(styles, start=3):
+        lines[k] = paint(lines[k], style)
     below = (line + "\n" for each in checked for line in _list_findings(each))
-    return render_table(table) + "".join(below)
+    return "\n".join(lines) + "".join(below)
 
 
 def _list_cells(event: Event, scene: SceneRecord) -> tuple[str, ...]:
