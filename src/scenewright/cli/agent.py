@@ -12,7 +12,7 @@ from scenewright.cli.batch import Out, RunOptions, show_batch_progress
 from scenewright.cli.console import Result, show_progress, tell
 from scenewright.cli.dataset import dataset
 from scenewright.cli.options import UNASKED, Quiet, argument, option
-from scenewright.cli.tables import Corpus, RealTracks, parse_path, write_tables
+from scenewright.cli.tables import Corpus, RealTracks, write_tables
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 
 if TYPE_CHECKING:
@@ -108,7 +108,6 @@ def make_paper_dataset(
 
     if not tables and (corpus or taf_bw):
         raise InputError("--corpus and --taf-bw are for the tables: say --tables as well")
-    recorded, real = parse_path(corpus), parse_path(taf_bw)
     backends = list(dict.fromkeys(options.backend or ["builtin"]))
     wanted = Order(
         text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
@@ -123,7 +122,7 @@ def make_paper_dataset(
     if tables:
         with show_progress(quiet=quiet) as log:
             page, _, _ = write_tables(
-                wanted.out, corpus=recorded, real=real, log=partial(log, "measuring")
+                wanted.out, corpus=corpus, real=taf_bw, log=partial(log, "measuring")
             )
         return replace(result, text=f"{result.text}{page}")
     return result

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.console import Result, format_one_line, is_terminal, log_line
+from scenewright.cli.console import Result, format_one_line, is_terminal, log_line, show_progress
 from scenewright.cli.interrupts import keep, stop_if_asked
 from scenewright.cli.options import (
     Asked,
@@ -191,46 +191,23 @@ def show_summary(summary: Summary, facts: dict[str, Any], text: str) -> Result:
 
 @contextmanager
 def show_batch_progress(*, quiet: bool, out: str) -> Iterator[ProgressCallback]:
-    """Shows the progress of a batch: a bar on a terminal, a line every 5 s elsewhere."""
+    """Shows the progress of a batch; where there is no terminal in a line every 5 s, and the last.
+
+    Every progress is also a moment at which a batch that shall stop does.
+    """
     keep(f"what is done stays in {out}, and the same command goes on from there")
-    if quiet:
-        yield lambda _: stop_if_asked()
-    elif is_terminal(sys.stderr):
-        with _show_bar() as log:
-            yield log
-    else:
-        yield _BatchLines()
+    told = time.monotonic()
+    with show_progress(quiet=quiet) as log:
 
-
-class _BatchLines:
-    """Says a line now and then, and at the end."""
-
-    def __init__(self) -> None:
-        self._last = time.monotonic()
-
-    def __call__(self, progress: Progress) -> None:
-        stop_if_asked()
-        now = time.monotonic()
-        if now - self._last >= EVERY or (progress.done == progress.of and progress.rate):
-            self._last = now
-            log_line(format_progress(progress))
-
-
-@contextmanager
-def _show_bar() -> Iterator[ProgressCallback]:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    columns = (BarColumn(bar_width=30), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-
-        def log(progress: Any) -> None:
+        def tell(progress: Progress) -> None:
+            nonlocal told
             stop_if_asked()
-            words = format_progress(progress)
-            bar.update(task, total=progress.of, completed=progress.done, description=words)
+            now, ends = time.monotonic(), progress.done == progress.of and bool(progress.rate)
+            if is_terminal(sys.stderr) or ends or now - told >= EVERY:
+                told = now
+                log("", format_progress(progress))
 
-        yield log
+        yield tell
 
 
 def format_progress(progress: Progress) -> str:

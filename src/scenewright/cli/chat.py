@@ -188,7 +188,7 @@ class _ChatLoop:
 
     def _show(self, arguments: list[str]) -> dict[str, Any]:
         shown = get_version(self._session, *arguments[:1])
-        return {"kind": "shown", "version": shown.version["number"], **build_facts(shown)}
+        return {"kind": "shown", "version": shown.version["number"]}
 
     def _compare(self, arguments: list[str]) -> dict[str, Any]:
         if len(arguments) != 2:
@@ -270,9 +270,10 @@ class _ChatLoop:
         return {"kind": "why", "lines": lines, "refused": refused}
 
     def _say_back(self, words: str, reply: dict[str, Any]) -> None:
-        shown = self._session.find_version() if reply["kind"] in ("made", "moved_to") else None
-        if shown is not None:
-            reply = {**reply, **build_facts(shown)}
+        shown = None
+        if reply["kind"] in ("made", "moved_to", "shown"):
+            shown = self._session.find_version(reply.get("version"))
+            reply = {**reply, **(build_facts(shown) if shown is not None else {})}
         if self._json:
             ok = reply["kind"] != "refused"
             write_json({"ok": ok, "thread": self._session.thread, "words": words, **reply})

@@ -41,6 +41,12 @@ def count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
+def shorten(lines: Sequence[str], most: int) -> list[str]:
+    """The first lines, and how many more there are."""
+    more = len(lines) - most
+    return [*lines[:most], f"and {more} more"] if more > 0 else list(lines)
+
+
 def log_line(line: str) -> None:
     """Writes one line to stderr; a closed or full stderr is ignored."""
     if sys.stderr is None:
@@ -192,7 +198,7 @@ class _ProgressLines:
         self._held: str | None = None
 
     def __call__(self, stage: str, line: str) -> None:
-        words = f"{_STAGES.get(stage, stage)}: {format_one_line(line)}"
+        words = _format_stage(stage, format_one_line(line))
         if self._held is not None:
             log_line(self._held)
         self._held = words if line.startswith("refused") else None
@@ -207,5 +213,9 @@ def _show_spinner() -> Iterator[ProgressCallback]:
 
     with Console(stderr=True).status(Text("starting")) as status:
         yield lambda stage, line: status.update(
-            Text(f"{_STAGES.get(stage, stage)}: {format_one_line(line, limit=100)}")
+            Text(_format_stage(stage, format_one_line(line, limit=100)))
         )
+
+
+def _format_stage(stage: str, line: str) -> str:
+    return f"{_STAGES.get(stage, stage)}: {line}" if stage else line

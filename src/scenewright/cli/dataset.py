@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from scenewright.cli.batch import Out, count_cores
-from scenewright.cli.console import ProgressCallback, Result, count, write_stdout
+from scenewright.cli.console import ProgressCallback, Result, count, shorten, write_stdout
 from scenewright.cli.errors import NOT_VERIFIED
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.options import Commands, argument, option
@@ -89,9 +89,7 @@ def check(
     about = {key: each for key, each in vars(found).items() if key != "faults"}
     counts = f"{found.files} files, {found.verified} of {found.scenes} proofs confirmed"
     text = f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n"
-    notes = [f"{fault.where}: {fault.what}" for fault in found.faults[:_SHOWN]]
-    if len(found.faults) > _SHOWN:
-        notes += [f"and {len(found.faults) - _SHOWN} more; --json has them"]
+    faults = [f"{fault.where}: {fault.what}" for fault in found.faults]
     unfinished = "note: the dataset is not complete; the command that made it goes on with it"
     return Result(
         {
@@ -102,7 +100,7 @@ def check(
         },
         text,
         summary=[] if found.complete else [unfinished],
-        notes=notes,
+        notes=shorten(faults, _SHOWN),
         code=NOT_VERIFIED if found.faults else 0,
     )
 

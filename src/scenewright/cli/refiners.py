@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from scenewright.cli.console import ProgressCallback
 from scenewright.errors import InputError
 from scenewright.intersections import REFINER_WEIGHTS
-from scenewright.scene.track import PEDESTRIAN, get_vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.track_io.recording import Split
 from scenewright.tools.track_io.track_files import FileTracks
@@ -84,22 +84,26 @@ def _log_epochs(log: ProgressCallback, of: int) -> Callable[[Any], None]:
 
 def _split_recordings(name: str, file: FileTracks) -> Iterator[Recording]:
     """The early agents of a file, to fit, and the late ones, to test."""
-    tracks = [(kind, track) for kind, track in file.tracks if kind != "bicycle"]
+    tracks = [each for each in file.tracks if each[0] != "bicycle"]
     begin = min((track.start for _, track in tracks), default=0.0)
     until = begin + _TAUGHT * (max((track.end for _, track in tracks), default=0.0) - begin)
     splits: tuple[tuple[Split, bool], ...] = (("fit", True), ("test", False))
     for split, early in splits:
-        own = [each for each in tracks if (each[1].start < until) == early]
-        if own:
-            shapes = [PEDESTRIAN if kind == "pedestrian" else get_vehicle_shape(kind)
-                      for kind, _ in own]  # fmt: skip
-            every = (
-                RecordedAgent(track, shape, complete=False)
-                for (_, track), shape in zip(own, shapes, strict=True)
-            )
-            agents = tuple(sorted(every, key=lambda agent: agent.track.start))
-            end = max(agent.track.end for agent in agents)
-            yield Recording(f"{name} {file.name}", agents[0].track.start, end, agents, split)
+        if own := [each for each in tracks if (each[1].start < until) == early]:
+            yield _build_recording(f"{name} {file.name}", own, split)
+
+
+def _build_recording(name: str, tracks: Sequence[tuple[str, Track]], split: Split) -> Recording:
+    ordered = sorted(tracks, key=lambda each: each[1].start)
+    shapes = (
+        PEDESTRIAN if kind == "pedestrian" else get_vehicle_shape(kind) for kind, _ in ordered
+    )
+    agents = tuple(
+        RecordedAgent(track, shape, complete=False)
+        for (_, track), shape in zip(ordered, shapes, strict=True)
+    )
+    end = max(track.end for _, track in ordered)
+    return Recording(name, ordered[0][1].start, end, agents, split)
 
 
 def compare_errors(before: Figures, after: Figures) -> tuple[str, bool]:
@@ -179,14 +183,9 @@ def _read_walkers(paths: Sequence[str]) -> list[Recording]:
 
     found: list[Recording] = []
     for file in read_track_files(paths) if paths else ():
-        tracks = sorted(
-            (t for kind, t in file.tracks if kind == "pedestrian"), key=lambda t: t.start
-        )
-        if tracks:
-            agents = tuple(RecordedAgent(track, PEDESTRIAN, complete=False) for track in tracks)
-            end = max(track.end for track in tracks)
+        if tracks := [each for each in file.tracks if each[0] == "pedestrian"]:
             split: Split = "test" if len(found) % 4 == 3 else "fit"
-            found.append(Recording(file.name, tracks[0].start, end, agents, split))
+            found.append(_build_recording(file.name, tracks, split))
     if paths and not found:
         raise InputError(f"{', '.join(paths)[:200]}: no pedestrian")
     return found

@@ -15,11 +15,21 @@ from scenewright.errors import InputError
 
 FOLDER = "evaluation"
 
+
+def _find(path: Path | None) -> Path | None:
+    """The path of an option that may be left out; InputError if nothing is there."""
+    if path is not None and not path.exists():
+        raise InputError(f"there is no {path}")
+    return path
+
+
 Corpus = Annotated[
-    str | None, typer.Option(metavar="F.npz", help="Recorded hours, of `simulate --corpus`.")
+    Path | None,
+    typer.Option(metavar="F.npz", help="Recorded hours, of `simulate --corpus`.", callback=_find),
 ]
 RealTracks = Annotated[
-    str | None, typer.Option(metavar="DIR", help="Real tracks, the TAF-BW data set.")
+    Path | None,
+    typer.Option(metavar="DIR", help="Real tracks, the TAF-BW data set.", callback=_find),
 ]
 
 
@@ -41,17 +51,10 @@ def print_tables(
     Writes tables.md and tables.json. How scenes move and differ needs recorded hours.
     """
     page, values, target = write_tables(
-        Path(folder), out=out, corpus=parse_path(corpus), real=parse_path(taf_bw),
+        Path(folder), out=out, corpus=corpus, real=taf_bw,
         understand=understanding, draws=draws, seed=seed, log=partial(log, "measuring"),
     )  # fmt: skip
     return Result({"out": str(target), **values}, page)
-
-
-def parse_path(name: str | None) -> Path | None:
-    """The path of an option that may be left out; InputError if nothing is there."""
-    if name is not None and not Path(name).exists():
-        raise InputError(f"there is no {name}")
-    return None if name is None else Path(name)
 
 
 def write_tables(

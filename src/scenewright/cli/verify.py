@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import Result, format_columns, format_one_line, paint
+from scenewright.cli.console import Result, format_columns, format_one_line, paint, shorten
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
 from scenewright.cli.scene_summary import (
     choose_style,
@@ -198,8 +198,6 @@ def _list_cells(event: Event, scene: SceneRecord) -> tuple[str, ...]:
 def _list_findings(checked: Checked) -> list[str]:
     if checked.proof is None:
         return []
-    found = list_findings(checked.proof)
-    lines = [f"{each.rule}: {each.detail}" for each in found[:SHOWN]]
-    lines += [f"and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
-    lines += list_unseen_words(checked.proof)
+    found = [f"{each.rule}: {each.detail}" for each in list_findings(checked.proof)]
+    lines = [*shorten(found, SHOWN), *list_unseen_words(checked.proof)]
     return [format_one_line(f"{checked.path}: {line}") for line in lines]
