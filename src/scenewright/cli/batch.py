@@ -17,6 +17,7 @@ from scenewright.cli.console import Result, format_one_line, is_terminal, log_li
 from scenewright.cli.interrupts import keep, stop_if_asked
 from scenewright.cli.options import (
     Asked,
+    DrawOptions,
     Lawful,
     MaxAgents,
     ModelOptions,
@@ -107,11 +108,7 @@ def make_batch(
     rows: str = argument(..., "Rows with `id` and `text`, or plain sentences.", metavar="IN"),
     out: Out,
     run: RunOptions,
-    selection: Literal["draw", "map"] = option(
-        "draw", "Draw among the combinations that fit, or take the likeliest."
-    ),
-    lenient: bool = option(False, "Leave out words that cannot be realised, and list them."),
-    max_agents: MaxAgents = None,
+    drawn: DrawOptions,
     exports: list[str] | None = option(
         None, "Write the scenes in a format, too; repeatable.", "--export", metavar="FORMAT"
     ),
@@ -137,7 +134,7 @@ def make_batch(
     request = Request(
         source=Path(rows),
         out=Path(out),
-        options=run.build_options(selection=selection, lenient=lenient, max_agents=max_agents),
+        options=run.build_options(**vars(drawn)),
         limit=limit,
         shard=parse_shard(shard),
         **run.choose_work(),

@@ -29,8 +29,6 @@ from scenewright.cli.console import (
     Result,
     abandon_stdout,
     log_line,
-    show_progress,
-    tell,
     write_json,
     write_stdout,
 )
@@ -42,8 +40,8 @@ from scenewright.cli.evals import evals, score_satisfaction
 from scenewright.cli.find import find
 from scenewright.cli.import_commands import intersections
 from scenewright.cli.interrupts import get_note, watch_signals
-from scenewright.cli.make import MakeOptions, make_scene, read_request
-from scenewright.cli.options import Commands, Json, ModelOptions, Quiet, argument, option
+from scenewright.cli.make import make
+from scenewright.cli.options import Commands, Json, ModelOptions, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.cli.planner import planner
 from scenewright.cli.serve import serve
@@ -83,6 +81,7 @@ app.command()(export)
 app.command()(find)
 app.command()(drive)
 app.command()(warm)
+app.command()(make)
 app.add_typer(planner)
 
 
@@ -97,27 +96,6 @@ def _start(
         write_stdout(f"scenewright {scenewright.__version__}\n")
     elif context.invoked_subcommand is None:
         write_stdout(context.get_help() + "\n")
-
-
-@app.command()
-def make(
-    *,
-    text: str = argument(..., "What shall happen, or a plan as a .yaml file; `-` is stdin."),
-    options: MakeOptions,
-    quiet: Quiet = False,
-) -> Result:
-    """Make a verified scene from an instruction or a plan and write it to a folder."""
-    asked, backend = read_request(text), options.model.load()
-    with show_progress(quiet=quiet) as log:
-        made = make_scene(
-            asked, options, backend, log=log, answer=(lambda _: None) if quiet else tell
-        )
-    return Result(
-        made.to_json(),
-        f"{made.folder}\n",
-        summary=[f"  {made.folder}: {', '.join(made.files)}"],
-        notes=[f"warning: {warning}" for warning in made.warnings],
-    )
 
 
 @app.command()

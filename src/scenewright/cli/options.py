@@ -67,9 +67,14 @@ class Asked:
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid", "strict": True}
 
     def pass_on(self, to: Callable[..., Any]) -> dict[str, Any]:
-        """The options that a function takes, by name."""
-        taken = inspect.signature(to).parameters
-        return {name: each for name, each in vars(self).items() if name in taken}
+        """The options that a function takes, by name; those of requests within it as well."""
+        taken, found = inspect.signature(to).parameters, dict[str, Any]()
+        for name, each in vars(self).items():
+            if isinstance(each, Asked):
+                found |= each.pass_on(to)
+            elif name in taken:
+                found[name] = each
+        return found
 
 
 @dataclass(frozen=True)
@@ -226,6 +231,17 @@ class ModelOptions:
             named[0] if len(named) == 1 else named,
             base_url=self.base_url, record=self.record, timeout=self.timeout,
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DrawOptions(Asked):
+    """How a scene of words is drawn."""
+
+    selection: Literal["draw", "map"] = option(
+        "draw", "Draw among the combinations that fit, or take the likeliest."
+    )
+    lenient: bool = option(False, "Leave out words that cannot be realised, and list them.")
+    max_agents: MaxAgents = None
 
 
 @dataclass(frozen=True)
