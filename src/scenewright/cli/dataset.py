@@ -44,12 +44,8 @@ def export(
 
     given = [each for path in scenes for each in list_scene_files(path)]
     files = write(given, to, Path(out), form=form, ego=ego, intersection=intersection, plan=plan)
-    return _list_files(files, scenes=len(given), to=to, out=out)
-
-
-def _list_files(files: list[Path], *, scenes: int, to: str, out: str) -> Result:
-    facts = {"format": to, "scenes": scenes, "out": out, "files": [str(file) for file in files]}
-    counts = f"{count(scenes, 'scene')} as {to}: {count(len(files), 'file')}"
+    facts = {"format": to, "scenes": len(given), "out": out, "files": list(map(str, files))}
+    counts = f"{count(len(given), 'scene')} as {to}: {count(len(files), 'file')}"
     return Result(facts, f"{out}\n", notes=[counts])
 
 
@@ -135,9 +131,7 @@ def export_dataset(
     ego: Ego = None,
 ) -> Result:
     """Write every scene of a dataset in another format; docs/exports.md describes each."""
-    from scenewright.dataset.batch.manifest import list_scenes
-    from scenewright.graph.export import export
+    from scenewright.dataset.batch.manifest import read_manifest
 
-    scenes = list_scenes(Path(folder))
-    files = export(scenes, to, Path(out), form=form, ego=ego)
-    return _list_files(files, scenes=len(scenes), to=to, out=out)
+    read_manifest(Path(folder))  # it is a finished dataset
+    return export(scenes=[folder], to=to, out=out, form=form, ego=ego, intersection=None, plan=None)

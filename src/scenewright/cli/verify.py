@@ -17,6 +17,7 @@ from scenewright.cli.scene_summary import (
     name_agent,
 )
 from scenewright.cli.verify_tracks import CheckedTracks, check_tracks, format_tracks_report
+from scenewright.dataset.batch.manifest import MANIFEST, list_scenes
 from scenewright.errors import InputError
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
@@ -58,16 +59,15 @@ def check_paths(
     checked: list[Checked | CheckedTracks] = []
     for path in paths:
         try:
-            files = list_scene_files(path)
+            for file in list_scene_files(path):
+                checked += _check(file, intersection, strict)
         except (InputError, OSError) as error:
             checked.append(Checked(Path(path), error=_describe_fault(error)))
-        else:
-            checked += [each for file in files for each in _check(file, intersection, strict)]
     return checked
 
 
 def list_scene_files(path: str) -> list[Path]:
-    """The file itself; the scene of a folder; all scenes of the folders in it; or its tracks.
+    """The file itself; the scene of a folder; those of a dataset or of folders in it; its tracks.
 
     Raises:
         InputError: there is none, or the file is of another format.
@@ -82,6 +82,8 @@ def list_scene_files(path: str) -> list[Path]:
         )
     if not place.is_dir() or (place / "scene.json").exists():
         return [place]
+    if (place / MANIFEST).is_file():
+        return list_scenes(place)
     inside = [file.parent for file in sorted(place.glob("*/scene.json"))]
     for pattern in ("*", "*/*"):  # Argoverse 2 has a folder per scenario
         inside = inside or [each for each in sorted(place.glob(pattern)) if _has_tracks(each)]
@@ -116,11 +118,8 @@ def _list_unchecked(path: Path) -> tuple[str, ...]:
     named = read_origin_digest(folder / "provenance.json") is not None
     origin = "provenance.json but for the digest" if named else "provenance.json"
     names = sorted(each.name for each in folder.iterdir() if each.is_file())
-    return tuple(
-        origin if name == "provenance.json" else name
-        for name in names
-        if name not in ("scene.json", "proof.json")
-    )
+    renamed = {"provenance.json": origin}
+    return tuple(renamed.get(n, n) for n in names if n not in ("scene.json", "proof.json"))
 
 
 def _has_tracks(path: Path) -> bool:

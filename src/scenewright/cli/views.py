@@ -152,15 +152,15 @@ def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: 
     Raises:
         InputError: there is no scene, or a file cannot be written.
     """
-    from scenewright.dataset.batch.manifest import MANIFEST, list_scenes
+    from scenewright.cli.verify import list_scene_files
+    from scenewright.dataset.batch.manifest import MANIFEST
     from scenewright.graph.run import load_scene, verify
 
-    folders = [Path(each) for each in scenes]
-    if (folders[0] / MANIFEST).is_file():
-        folders = [scene for each in folders for scene in list_scenes(each)]
-    elif len(folders) > 1:  # DIR/* names the dataset's tables and pictures as well
-        folders = [each for each in folders if (each / "scene.json").is_file()]
-    if folders != [Path(scenes[0])]:
+    if len(scenes) > 1:  # DIR/* names the dataset's tables and pictures as well
+        known = ("scene.json", MANIFEST)
+        scenes = [each for each in scenes if any((Path(each) / name).is_file() for name in known)]
+    folders = [folder for each in scenes for folder in list_scene_files(each)]
+    if folders != [*map(Path, scenes[:1])]:
         if [*files] != ["png"]:
             raise InputError("of several scenes there are contact sheets alone: --png F")
         from scenewright.viz.contact_sheet import draw_contact_sheets
