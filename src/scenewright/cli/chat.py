@@ -7,8 +7,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from scenewright.authoring.explain import explain_refusal
+from scenewright.authoring.session import MAIN, Session, SessionVersion, list_branches
+from scenewright.cli.chat_commands import ChatOptions
 from scenewright.cli.console import (
     ProgressCallback,
     format_one_line,
@@ -30,14 +33,12 @@ from scenewright.cli.sessions import (
     list_versions,
     open_session,
 )
+from scenewright.cli.turn_report import format_reply
+from scenewright.cli.views import ViewKind, record_version, save_version, write_view
 from scenewright.errors import InputError
+from scenewright.graph.examples import recall_from
 from scenewright.intersections import find_data_folder
-
-if TYPE_CHECKING:
-    from scenewright.authoring.session import Session, SessionVersion
-    from scenewright.cli.chat_commands import ChatOptions
-    from scenewright.cli.views import ViewKind
-    from scenewright.memory.episodes import Episodes
+from scenewright.memory.episodes import Episodes
 
 HELP = """\
 Say what shall happen, then what shall be different: "make the pedestrian come from the east",
@@ -66,9 +67,6 @@ def run_chat(options: ChatOptions, *, quiet: bool = False, as_json: bool = False
     Raises:
         InputError: the thread cannot be used.
     """
-    from scenewright.graph.examples import recall_from
-    from scenewright.memory.episodes import Episodes
-
     backend = options.model.load()
     episodes = None if options.no_memory else Episodes(find_memory_file())
     shown: list[ProgressCallback] = []  # the display of the turn that is worked on
@@ -180,8 +178,6 @@ class _ChatLoop:
             self._displays.clear()
 
     def _list_branches(self) -> dict[str, Any]:
-        from scenewright.authoring.session import MAIN, list_branches
-
         state = self._session.state
         here = state.get("branch", MAIN)
         return {"kind": "branches", "branches": list_branches(state), "branch": here}
@@ -199,8 +195,6 @@ class _ChatLoop:
         return f"{self._session.thread}-{shown.version['number']}"
 
     def _save(self, arguments: list[str]) -> dict[str, Any]:
-        from scenewright.cli.views import save_version
-
         shown = get_version(self._session)
         place = " ".join(arguments) or self._out or str(Path("scenes") / self._name(shown))
         folder, files, warnings = save_version(shown, place)
@@ -216,8 +210,6 @@ class _ChatLoop:
         return self._write(kind, path, shown)
 
     def _write(self, kind: ViewKind, path: Path, shown: SessionVersion) -> dict[str, Any]:
-        from scenewright.cli.views import write_view
-
         write_view(kind, path, shown.record, shown.proof)
         return {"kind": "saved", "folder": str(path.parent), "files": [path.name], "warnings": []}
 
@@ -247,7 +239,6 @@ class _ChatLoop:
 
     def _open(self) -> dict[str, Any]:
         """Opens the recording of the current version, until its viewer is closed."""
-        from scenewright.cli.views import record_version
         from scenewright.viz.recording import open_recording
 
         shown = get_version(self._session)
@@ -262,8 +253,6 @@ class _ChatLoop:
         return folder / f"{self._name(shown)}.{ending}"
 
     def _explain(self) -> dict[str, Any]:
-        from scenewright.authoring.explain import explain_refusal
-
         refused = self._session.state.get("refused")
         none = ["nothing was refused since the last change"]
         lines = none if refused is None else explain_refusal(refused)
@@ -278,8 +267,6 @@ class _ChatLoop:
             ok = reply["kind"] != "refused"
             write_json({"ok": ok, "thread": self._session.thread, "words": words, **reply})
             return
-        from scenewright.cli.turn_report import format_reply
-
         for style, line in format_reply(reply, shown):
             indent = line[: len(line) - len(line.lstrip(" "))]
             plain = format_one_line(line, limit=_LONGEST_HISTORY)

@@ -39,12 +39,19 @@ from scenewright.tools.fitting.custom_bundle import (
     write_custom_bundle,
 )
 from scenewright.tools.fitting.derive_priors import derive_priors
-from scenewright.tools.fitting.fit_tracks import LaneOffsets
+from scenewright.tools.fitting.fit_tracks import (
+    FrameChange,
+    LaneOffsets,
+    fit_tracks,
+    read_hourly_counts,
+)
+from scenewright.tools.gmm_sampler import build_paths, load_priors, sample_waypoints
 from scenewright.tools.gmm_sampler.priors import Priors
 from scenewright.tools.map_import import ImportedMap, import_map
 from scenewright.tools.map_import.quality_report import build_report, format_report
 from scenewright.tools.map_import.survey_file import write_survey
 from scenewright.tools.track_io import save_recordings
+from scenewright.tools.track_io.track_files import read_track_files
 
 T = TypeVar("T")
 REFINER_CARD = "refiner.md"
@@ -185,9 +192,6 @@ def fit_own(
     """
     if options.train:
         require_extra("learn", "adapting the refiner", "torch", otherwise="leave out --train")
-    from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
-    from scenewright.tools.track_io.track_files import read_track_files
-
     bundle, lit = _add_recorded_lights(open_custom_bundle(name), options)
     log("reading", f"{len(paths)} files or folders")
     columns = _read(parse_columns, options.columns)
@@ -272,7 +276,6 @@ def _parse_light_legs(text: str) -> dict[str, str]:
 def _fit_elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffsets, list[str]]:
     """How drivers of other places keep to their lanes, and a line on each file."""
     from scenewright.tools.fitting.lane_keeping import find_lane_offsets, measure_scale
-    from scenewright.tools.track_io.track_files import read_track_files
 
     found: dict[str, list[FloatArray]] = {}
     notes = []
@@ -394,8 +397,6 @@ def record_own(rrd: str, name: str) -> None:
 def _draw_paths(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
     """By route id, paths drawn from its prior; those of jaywalkers are left out."""
     import numpy as np
-
-    from scenewright.tools.gmm_sampler import build_paths, load_priors, sample_waypoints
 
     if not (find_bundle_folder(name) / "priors.npz").is_file():
         return {}

@@ -18,21 +18,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, ValidationError
 
+from scenewright.authoring.agent import build_tool_state
+from scenewright.authoring.explain import explain_refusal
+from scenewright.authoring.session import Session, SessionVersion
+from scenewright.cli.catalogue import format_entry, read_catalogue
+from scenewright.cli.coverage import read_encounters, to_json
 from scenewright.cli.errors import to_cli_error
 from scenewright.cli.find import Search, search
-from scenewright.cli.options import collect, list_parameters, option
+from scenewright.cli.options import SessionOptions, collect, list_parameters, option
 from scenewright.cli.sessions import build_facts, list_versions, open_session
 from scenewright.cli.views import render_view, save_scene, save_version
+from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 from scenewright.errors import InputError, Rejected, Unsatisfiable, describe_misfit
 from scenewright.extras import require_extra
+from scenewright.graph.run import check_arguments, encode_proof, encode_scene, verify
 from scenewright.nodes.toolbox import ToolState
+from scenewright.scene.plan_file import read_plan
+from scenewright.scene.record import SceneRecord
 from scenewright.time_limit import TimeLimitReachedError, limit_time
 
 if TYPE_CHECKING:
     from mcp.server import MCPServer
-
-    from scenewright.authoring.session import Session, SessionVersion
-    from scenewright.cli.options import SessionOptions
 
 _GUIDE = """\
 Makes verified traffic scenes at one intersection. make_scene takes an instruction in plain
@@ -139,17 +145,12 @@ class _ClientState:
         "vehicle-1"}, {"id": "pedestrian-1"}], "relations": [{"type": "yield_to", "from":
         "vehicle-1", "to": "pedestrian-1"}]}.
         """
-        from scenewright.scene.plan_file import read_plan
-
         return self._act("make_plan", read_plan(plan), seed=seed)
 
     def measure_coverage(self, goals: dict[str, Any] | None = None) -> dict[str, Any]:
         """What the scenes kept so far cover, and what of `goals`, such as {"dimensions": [{"cover":
         "event", "values": ["near_miss"], "least": 3}], "crosses": [{"cross": ["event", "hour"]}]}.
         """
-        from scenewright.cli.coverage import read_encounters, to_json
-        from scenewright.dataset.tables.coverage import measure_coverage, read_goals
-
         scenes, encounters = read_encounters([self._out or "nowhere"])
         covered = measure_coverage(encounters, None if goals is None else read_goals(goals))
         return {"scenes": scenes, "items": list(map(to_json, covered))}
@@ -166,8 +167,6 @@ class _ClientState:
 
     def read_catalogue(self, plan: str = "") -> dict[str, Any]:
         """The plans of consumer tests and regulations with their sources; or one, to be swept."""
-        from scenewright.cli.catalogue import format_entry, read_catalogue
-
         sources = read_catalogue()[1]
         return {"plan": format_entry(plan)} if plan in sources["plans"] else sources
 
@@ -218,16 +217,11 @@ class _ClientState:
 
     def explain_refusal(self) -> dict[str, Any]:
         """Why the last words were refused, and what may help."""
-        from scenewright.authoring.explain import explain_refusal
-
         refused = self._session.state.get("refused")
         return {"lines": [] if refused is None else explain_refusal(refused)}
 
     def verify_scene(self, scene: dict[str, Any] | None = None) -> dict[str, Any]:
         """Checks the current version, or the content of a scene.json that is handed over."""
-        from scenewright.graph.run import verify
-        from scenewright.scene.record import SceneRecord
-
         try:
             shown = self._find("current").record if scene is None else scene
             proof = verify(SceneRecord.model_validate(shown))
@@ -251,9 +245,6 @@ class _ClientState:
 
     def start_scene(self, instruction: str, seed: int = 0) -> dict[str, Any]:
         """Starts an empty scene that is made step by step; next: ground_plan."""
-        from scenewright.authoring.agent import build_tool_state
-        from scenewright.graph.run import check_arguments
-
         check_arguments(seed, "none")
         place = self._options.intersection
         self._bench = build_tool_state(
@@ -296,8 +287,6 @@ class _ClientState:
 
     def _keep(self, record: Any, proof: Any) -> str:
         """A scene of the tool state, under the server's folder."""
-        from scenewright.graph.run import encode_proof, encode_scene
-
         if self._out is None:
             return "nowhere: the server was started without --out"
         files = {"proof.json": encode_proof(proof), "scene.json": encode_scene(record)}

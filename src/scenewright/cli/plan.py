@@ -12,11 +12,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenewright.backends import Backend, Call, Named, Question
+from scenewright.backends import Backend, Call, Named, Question, get_backend_of_task, load_backend
 from scenewright.cli.console import format_one_line, log_line
 from scenewright.cli.errors import to_cli_error
 from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.make import read_instruction
 from scenewright.errors import BackendFault, InputError, Rejected
+from scenewright.intersections import load_map
+from scenewright.nodes import scene_planner
+from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
@@ -70,7 +74,6 @@ def plan_rows(
     Raises:
         BackendFault: the backend failed for good.
     """
-    from scenewright.backends import get_backend_of_task
 
     def plan_one(row: Any) -> Plan:
         """A bug that one text brings out must not cost all the other rows."""
@@ -113,8 +116,6 @@ def plan(
         InputError: no such intersection or backend.
         BackendFault: the backend failed for good.
     """
-    from scenewright.backends import load_backend
-
     if isinstance(backend, str | Sequence | Mapping):
         backend = load_backend(backend)
     (row,), _ = plan_all([{"id": "", "text": text, "previous": previous}], backend, intersection)
@@ -131,8 +132,6 @@ def plan_all(
         InputError: no such intersection.
         BackendFault: the backend failed for good; carries what answers have cost.
     """
-    from scenewright.intersections import load_map
-
     place, calls = None if intersection is None else load_map(intersection), list[Call]()
     try:
         planned = list(plan_rows(rows, backend, intersection_map=place, account=calls.append))
@@ -204,10 +203,6 @@ def ask_for_plan(
     account: Account = lambda _call: None,
 ) -> Plan:
     """The backend's plan; given what was wrong, it may mend a malformed one."""
-    from scenewright.backends import get_backend_of_task
-    from scenewright.nodes import scene_planner
-    from scenewright.nodes.scene_planner.prompts import render_plan_prompt
-
     ways, left_hand, roads = scene_planner.FOUR_LEGS, False, {}
     if intersection_map is not None:
         ways = scene_planner.describe_routes(intersection_map)
@@ -247,7 +242,6 @@ def format_plan_of(text: str, backend: Backend, intersection: str | None, *, osc
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`.
     """
-    from scenewright.cli.make import read_instruction
     from scenewright.files import is_plan_file
     from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
     from scenewright.scene.plan_file import LogicalPlan, format_plan, read_logical_plan, read_plan

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from scenewright.authoring.session import SessionVersion
 from scenewright.cli.scene_summary import choose_style, summarize_scene
-
-if TYPE_CHECKING:
-    from scenewright.authoring.session import SessionVersion
+from scenewright.intersections import load_map
 
 Line = tuple[str, str]
 GOOD, BAD, PLAIN, FAINT, ASK = "green", "red", "", "dim", "yellow"
@@ -52,8 +51,6 @@ def format_reply(reply: dict[str, Any], shown: SessionVersion | None) -> list[Li
 def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list[Line]:
     if shown is None:
         return [(PLAIN, f"version {reply['version']}")]
-    from scenewright.intersections import load_map
-
     intersection_map = load_map(shown.record.meta.intersection)
     first, *rest = summarize_scene(shown.record, shown.proof, intersection_map)
     branch = f" on branch {reply['branch']}" if "branch" in reply else ""

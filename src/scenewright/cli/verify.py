@@ -19,8 +19,11 @@ from scenewright.cli.scene_summary import (
 from scenewright.cli.verify_tracks import CheckedTracks, check_tracks, format_tracks_report
 from scenewright.dataset.batch.manifest import MANIFEST, list_scenes
 from scenewright.errors import InputError
+from scenewright.graph.run import find_scene_file, load_scene, verify
+from scenewright.graph.written_proof import read_origin_digest
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
+from scenewright.tools.track_io.simulator_files import DATABASE_FILES, find_reader
 
 TRACKS = (".ndjson", ".csv")
 FOREIGN = (".txt", ".osi")
@@ -95,8 +98,6 @@ def list_scene_files(path: str) -> list[Path]:
 
 
 def _check(path: Path, intersection: str | None, strict: bool) -> Sequence[Checked | CheckedTracks]:
-    from scenewright.graph.run import load_scene, verify
-
     try:
         if _has_tracks(path) and not path.is_dir():
             return check_tracks(path, intersection=intersection)
@@ -109,9 +110,6 @@ def _check(path: Path, intersection: str | None, strict: bool) -> Sequence[Check
 
 def _list_unchecked(path: Path) -> tuple[str, ...]:
     """What lies beside a scene and was not compared with it: pictures, recordings, other files."""
-    from scenewright.graph.run import find_scene_file
-    from scenewright.graph.written_proof import read_origin_digest
-
     folder = find_scene_file(path).parent
     if not (folder / "scene.json").exists():
         return ()
@@ -124,8 +122,6 @@ def _list_unchecked(path: Path) -> tuple[str, ...]:
 
 def _has_tracks(path: Path) -> bool:
     """Whether a file of that name holds tracks."""
-    from scenewright.tools.track_io.simulator_files import DATABASE_FILES, find_reader
-
     named = path.suffix.lower() in TRACKS or find_reader(path.name) is not None
     return named and path.name not in DATABASE_FILES
 
