@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.authoring.explain import explain_refusal
-from scenewright.authoring.session import MAIN, Session, SessionVersion, list_branches
+from scenewright.authoring.session import MAIN, SessionVersion, list_branches
 from scenewright.cli.chat_commands import ChatOptions
 from scenewright.cli.console import (
     ProgressCallback,
@@ -67,36 +67,26 @@ def run_chat(options: ChatOptions, *, quiet: bool = False, as_json: bool = False
     Raises:
         InputError: the thread cannot be used.
     """
-    backend = options.model.load()
-    episodes = None if options.no_memory else Episodes(find_memory_file())
-    shown: list[ProgressCallback] = []  # the display of the turn that is worked on
-    threads, session = open_session(
-        options, options.thread or choose_free_name("thread", list_threads(options.threads)),
-        backend, refiner=options.refiner,
-        log=lambda stage, line: [show(stage, line) for show in shown],
-        recall=None if episodes is None else recall_from(episodes),
-    )  # fmt: skip
+    loop = _ChatLoop(options, quiet=quiet, as_json=as_json)
     try:
-        _ChatLoop(session, shown, episodes, out=options.out, quiet=quiet, as_json=as_json).run()
+        loop.run()
     finally:
-        threads.close()
+        loop.threads.close()
 
 
 class _ChatLoop:
     """Reads lines, lets the session act, says what became of it."""
 
-    def __init__(
-        self,
-        session: Session,
-        displays: list[ProgressCallback],
-        episodes: Episodes | None,
-        *,
-        out: str | None,
-        quiet: bool,
-        as_json: bool,
-    ) -> None:
-        self._session, self._displays, self._episodes = session, displays, episodes
-        self._out, self._json = out, as_json
+    def __init__(self, options: ChatOptions, *, quiet: bool, as_json: bool) -> None:
+        self._episodes = None if options.no_memory else Episodes(find_memory_file())
+        self._display: ProgressCallback = lambda _stage, _line: None
+        self.threads, self._session = open_session(
+            options, options.thread or choose_free_name("thread", list_threads(options.threads)),
+            options.model.load(), refiner=options.refiner,
+            log=lambda stage, line: self._display(stage, line),  # noqa: PLW0108 -- it changes
+            recall=None if self._episodes is None else recall_from(self._episodes),
+        )  # fmt: skip
+        self._out, self._json = options.out, as_json
         self._quiet = quiet or as_json or not is_terminal(sys.stderr)
         self._commands: dict[str, Callable[[list[str]], dict[str, Any]]] = {
             "undo": lambda _: self._session.undo(),
@@ -166,8 +156,7 @@ class _ChatLoop:
     def _run_turn(self, words: str) -> dict[str, Any]:
         """One turn; Ctrl-C gives it up and leaves the thread as it was."""
         try:
-            with show_progress(quiet=self._quiet) as log:
-                self._displays[:] = [log]
+            with show_progress(quiet=self._quiet) as self._display:
                 return self._session.say(words)
         except KeyboardInterrupt:
             if has_terminate_signal():
@@ -175,7 +164,7 @@ class _ChatLoop:
             forget_interrupt()
             return {"kind": "nothing", "reason": "given up; the scene is as it was"}
         finally:
-            self._displays.clear()
+            self._display = lambda _stage, _line: None
 
     def _list_branches(self) -> dict[str, Any]:
         state = self._session.state
