@@ -47,9 +47,8 @@ from scenewright.cli.planner import planner
 from scenewright.cli.serve import serve
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
-from scenewright.cli.views import ViewKind
+from scenewright.cli.views import show
 from scenewright.cli.warm import check_installation, warm
-from scenewright.errors import InputError
 from scenewright.files import is_plan_file, write_atomically
 from scenewright.graph.collector import HARDLY_EVER
 
@@ -82,6 +81,7 @@ app.command()(find)
 app.command()(drive)
 app.command()(warm)
 app.command()(make)
+app.command()(show)
 app.add_typer(planner)
 
 
@@ -170,38 +170,6 @@ def verify(
     from scenewright.cli.verify import check_paths, report
 
     return report(check_paths(paths, intersection=intersection, strict=strict))
-
-
-@app.command()
-def show(
-    scenes: list[str] = argument(
-        ...,
-        "A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
-        metavar="SCENE...",
-    ),
-    png: str | None = option(
-        None, "Write a picture; of several scenes contact sheets.", metavar="F"
-    ),
-    html: str | None = option(
-        None, "Write a page that plays and explains it, to share.", metavar="F"
-    ),
-    gif: str | None = option(None, "Write an animation.", metavar="F"),
-    mp4: str | None = option(None, "Write a video (extra `video`, or ffmpeg).", metavar="F"),
-    whole: bool = option(False, "Animations go on to the end of the scene."),
-) -> None:
-    """Open a scene's recording in the rerun viewer, or write its views to files."""
-    asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
-    wanted = {kind: name for kind, name in asked.items() if name is not None}
-    if wanted:
-        from scenewright.cli.views import write_views
-
-        write_stdout("".join(f"{name}\n" for name in write_views(scenes, wanted, whole=whole)))
-        return
-    from scenewright.viz.recording import open_recording
-
-    if len(scenes) > 1:
-        raise InputError("one recording is opened at a time; --png F draws several scenes")
-    open_recording(scenes[0])
 
 
 _PREFIX = "SCENEWRIGHT_"

@@ -95,7 +95,6 @@ def make(
     """Make a verified scene from an instruction or a plan and write it to a folder."""
     from scenewright.cli.scene_summary import summarize_scene
     from scenewright.graph.run import check_plan, synthesize
-    from scenewright.intersections import load_map
     from scenewright.scene.plan_file import PlanFile
 
     asked, backend = read_request(text), options.model.load()
@@ -111,7 +110,7 @@ def make(
         record, proof = scene.record, scene.proof
         target = choose(record.meta.scene_id)
         if not quiet:
-            tell(summarize_scene(record, proof, load_map(record.meta.intersection)))
+            tell(summarize_scene(record, proof))
         views: dict[str, tuple[bool, Callable[[Path], None]]] = {
             "scene.png": (not options.no_picture, draw("png")),
             "scene.rrd": (not options.no_recording, partial(_record, scene)),

@@ -6,7 +6,6 @@ from typing import Any
 
 from scenewright.authoring.session import SessionVersion
 from scenewright.cli.scene_summary import choose_style, summarize_scene
-from scenewright.intersections import load_map
 
 Line = tuple[str, str]
 GOOD, BAD, PLAIN, FAINT, ASK = "green", "red", "", "dim", "yellow"
@@ -51,8 +50,7 @@ def format_reply(reply: dict[str, Any], shown: SessionVersion | None) -> list[Li
 def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list[Line]:
     if shown is None:
         return [(PLAIN, f"version {reply['version']}")]
-    intersection_map = load_map(shown.record.meta.intersection)
-    first, *rest = summarize_scene(shown.record, shown.proof, intersection_map)
+    first, *rest = summarize_scene(shown.record, shown.proof)
     branch = f" on branch {reply['branch']}" if "branch" in reply else ""
     style = choose_style(verified=shown.proof.verified, caveat=shown.proof.caveat)
     lines = [(style, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from scenewright.cli.console import format_one_line
+from scenewright.cli.console import format_one_line, write_stdout
 from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.options import argument, option
 from scenewright.cli.output_folder import fill_folder, shorten_path, target_folder
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.extras import MissingPackageError
@@ -143,15 +144,32 @@ def record_version(shown: SessionVersion, path: Path) -> None:
     )
 
 
-def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: bool) -> list[str]:
-    """Writes the views that were asked for, kind -> file; of several scenes contact sheets.
+def show(
+    scenes: list[str] = argument(
+        ...,
+        "A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
+        metavar="SCENE...",
+    ),
+    png: str | None = option(
+        None, "Write a picture; of several scenes contact sheets.", metavar="F"
+    ),
+    html: str | None = option(
+        None, "Write a page that plays and explains it, to share.", metavar="F"
+    ),
+    gif: str | None = option(None, "Write an animation.", metavar="F"),
+    mp4: str | None = option(None, "Write a video (extra `video`, or ffmpeg).", metavar="F"),
+    whole: bool = option(False, "Animations go on to the end of the scene."),
+) -> None:
+    """Open a scene's recording in the rerun viewer, or write its views to files."""
+    asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
+    files = {kind: name for kind, name in asked.items() if name is not None}
+    if not files:
+        from scenewright.viz.recording import open_recording
 
-    Returns the names of the files. The proof is computed anew, so that a page never shows that of
-    another scene.
-
-    Raises:
-        InputError: there is no scene, or a file cannot be written.
-    """
+        if len(scenes) > 1:
+            raise InputError("one recording is opened at a time; --png F draws several scenes")
+        open_recording(scenes[0])
+        return
     from scenewright.cli.verify import list_scene_files
     from scenewright.dataset.batch.manifest import MANIFEST
     from scenewright.graph.run import load_scene, verify
@@ -160,16 +178,17 @@ def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: 
         known = ("scene.json", MANIFEST)
         scenes = [each for each in scenes if any((Path(each) / name).is_file() for name in known)]
     folders = [folder for each in scenes for folder in list_scene_files(each)]
-    if folders != [*map(Path, scenes[:1])]:
-        if [*files] != ["png"]:
+    # The proof is computed anew, so that a page never shows that of another scene.
+    shown = ((each.name, scene, verify(scene)) for each in folders for scene in [load_scene(each)])
+    written = list(files.values())
+    if len(folders) == 1 and folders == [Path(scenes[0])]:
+        ((_, scene, proof),) = shown
+        for kind, name in files.items():
+            write_view(kind, Path(name), scene, proof, whole=whole)
+    else:
+        if png is None or len(files) > 1:
             raise InputError("of several scenes there are contact sheets alone: --png F")
         from scenewright.viz.contact_sheet import draw_contact_sheets
 
-        records = ((each.name, load_scene(each)) for each in folders)
-        shown = ((name, scene, verify(scene)) for name, scene in records)
-        return draw_contact_sheets(files["png"], shown)
-    record = load_scene(scenes[0])
-    proof = verify(record)
-    for kind, name in files.items():
-        write_view(kind, Path(name), record, proof, whole=whole)
-    return [*files.values()]
+        written = draw_contact_sheets(png, shown)
+    write_stdout("".join(f"{name}\n" for name in written))
