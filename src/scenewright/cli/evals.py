@@ -193,7 +193,6 @@ def score_satisfaction(
     them; then DIR is judged from its tracks alone: the events that the checker finds, between
     agents that come from, go to and cross what the label says, and nothing else.
     """
-    from scenewright.evals.leaderboard import enter_leaderboard
     from scenewright.evals.planning import load
     from scenewright.evals.satisfaction import judge as judging
     from scenewright.files import write_atomically
@@ -217,9 +216,5 @@ def score_satisfaction(
         raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
     shares = judging.count_verdicts(verdicts, labelled)
     figures = judging.to_json(shares)
-    notes = []
-    if entry.board is not None:
-        page = enter_leaderboard(Path(entry.board), str(entry.name), figures)
-        notes = [f"written: {entry.board}, {page}"]
     facts = {"folder": folder, **figures, "verdicts": [vars(each) for each in verdicts]}
-    return Result(facts, judging.to_markdown(shares, verdicts), notes=notes)
+    return Result(facts, judging.to_markdown(shares, verdicts), notes=entry.enter(figures))

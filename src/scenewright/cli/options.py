@@ -10,6 +10,7 @@ import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, is_dataclass
 from functools import cache
+from pathlib import Path
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -87,6 +88,15 @@ class BoardOptions:
     def __post_init__(self) -> None:
         if (self.board is None) != (self.name is None):
             raise InputError("--board and --name go together: which page, and under what name")
+
+    def enter(self, figures: Mapping[str, Any], **more: Any) -> list[str]:
+        """Enters figures where a board is named; what is said of it (see `enter_leaderboard`)."""
+        if self.board is None:
+            return []
+        from scenewright.evals.leaderboard import enter_leaderboard
+
+        page = enter_leaderboard(Path(self.board), str(self.name), figures, **more)
+        return [f"written: {self.board}, {page}"]
 
 
 class Commands(typer.Typer):

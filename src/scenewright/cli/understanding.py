@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from scenewright.cli.console import ProgressCallback, Result
 from scenewright.cli.options import BoardOptions, ModelOptions, argument, option
@@ -76,8 +76,7 @@ def score_understanding(
         evaluate(cases, each, windows=lengths, backend=named, log=say) for each in method or ()
     ]
     if entry.board is not None:
-        page = _enter(found[0], Path(entry.board), str(entry.name))
-        notes += [f"written: {entry.board}, {page}"]
+        notes += entry.enter(_list_figures(found[0]), section="predictions")
     place = cases[0].record.meta.intersection
     text = format_report(found, scenes=len(cases), split=split, where=place) if found else ""
     result = {
@@ -95,18 +94,14 @@ def score_understanding(
     return Result(result, text or f"{write_observations}\n", notes=notes)
 
 
-def _enter(scores: MethodScores, board: Path, name: str) -> Path:
-    """Enter the strict figures after 4 s; the page."""
-    from scenewright.evals.leaderboard import enter_leaderboard
-
+def _list_figures(scores: MethodScores) -> dict[str, Any]:
+    """The strict figures after 4 s, for a leaderboard."""
     rows = [row for row in scores.rows if row.window == ENTERED and row.strict]
     if not rows:
         raise InputError(f"--board takes relations after {ENTERED:g} s; there are none")
     figures = {**rows[0].strict, "exits": rows[0].intent.get("overall")}
-    shares = {key: None if each is None else each.to_share() for key, each in figures.items()}
     nothing = {"rate": None, "interval": None, "n": 0}
-    entry = {key: each or nothing for key, each in shares.items()}
-    return enter_leaderboard(board, name, entry, section="predictions")
+    return {key: nothing if each is None else each.to_share() for key, each in figures.items()}
 
 
 def read_windows(text: str | None) -> tuple[float, ...]:
