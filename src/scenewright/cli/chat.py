@@ -24,7 +24,7 @@ from scenewright.cli.console import (
 )
 from scenewright.cli.interrupts import forget_interrupt, has_terminate_signal
 from scenewright.cli.sessions import (
-    build_facts,
+    add_facts,
     choose_free_name,
     compare,
     find_memory_file,
@@ -248,10 +248,7 @@ class _ChatLoop:
         return {"kind": "why", "lines": lines, "refused": refused}
 
     def _say_back(self, words: str, reply: dict[str, Any]) -> None:
-        shown = None
-        if reply["kind"] in ("made", "moved_to", "shown"):
-            shown = self._session.find_version(reply.get("version"))
-            reply = {**reply, **(build_facts(shown) if shown is not None else {})}
+        reply, shown = add_facts(self._session, reply)
         if self._json:
             ok = reply["kind"] != "refused"
             write_json({"ok": ok, "thread": self._session.thread, "words": words, **reply})

@@ -26,8 +26,9 @@ from scenewright.cli.coverage import read_encounters, to_json
 from scenewright.cli.errors import to_cli_error
 from scenewright.cli.find import Search, search
 from scenewright.cli.options import SessionOptions, collect, list_parameters, option
+from scenewright.cli.saved import SAVED, write_saved
 from scenewright.cli.sessions import build_facts, list_versions, open_session
-from scenewright.cli.views import render_view, save_scene, save_version
+from scenewright.cli.views import save_scene, save_version
 from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 from scenewright.errors import InputError, Rejected, Unsatisfiable, describe_misfit
 from scenewright.extras import require_extra
@@ -72,22 +73,19 @@ def build_server(options: SessionOptions, *, thread: str, out: str | None) -> MC
     ]  # fmt: skip
     for tool in tools:
         server.add_tool(_answer_refusals(tool), structured_output=True)
-    for name, kind, about, read in _RESOURCES:
-        uri = f"scene://version/{{version}}/{name}"
-        server.resource(uri, mime_type=kind, description=about)(desk.build_resource(read))
+    for name, (file, about) in _RESOURCES.items():
+        uri, kind = f"scene://version/{{version}}/{name}", SAVED[file]
+        server.resource(uri, mime_type=kind, description=about)(desk.build_resource(file))
     return server
 
 
-_RESOURCES: tuple[tuple[str, str, str, Callable[[SessionVersion], str | bytes]], ...] = (
-    ("picture.png", "image/png", "The picture of a version, a number or `current`.",
-     lambda shown: render_view("png", shown.record, shown.proof)),
-    ("page.html", "text/html", "The self-contained page of a version.",
-     lambda shown: render_view("html", shown.record, shown.proof).decode()),
-    ("scene.json", "application/json", "scene.json of a version.",
-     lambda shown: shown.scene_json.decode()),
-    ("proof.json", "application/json", "proof.json of a version.",
-     lambda shown: shown.proof_json.decode()),
-)  # fmt: skip
+_RESOURCES = {
+    "picture.png": ("scene.png", "The picture of a version, a number or `current`."),
+    "page.html": ("page.html", "The self-contained page of a version."),
+    "scene.json": ("scene.json", "scene.json of a version."),
+    "proof.json": ("proof.json", "proof.json of a version."),
+}
+"""Name of a resource -> the file that it is, and what it is."""
 _STEPS = (
     "ground_plan", "draw_candidates", "check_program", "solve", "edit_segments", "refine",
     "check_scene", "record_scene",
@@ -269,15 +267,14 @@ class _ClientState:
             run.__signature__ = signature.replace(parameters=own)  # type: ignore[attr-defined]
             yield run
 
-    def build_resource(
-        self, read: Callable[[SessionVersion], str | bytes]
-    ) -> Callable[[str], str | bytes]:
-        """What reads a file of a version."""
+    def build_resource(self, file: str) -> Callable[[str], str | bytes]:
+        """What reads a file of a version, in `SAVED`."""
 
-        def answer(version: str) -> str | bytes:
-            return read(self._find(version))
+        def read(version: str) -> str | bytes:
+            data = write_saved(self._find(version), file)
+            return data if SAVED[file].startswith("image/") else data.decode()
 
-        return answer
+        return read
 
     def _find(self, version: str) -> SessionVersion:
         shown = self._session.find_version(None if version == "current" else version)

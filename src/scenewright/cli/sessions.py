@@ -117,3 +117,12 @@ def build_facts(shown: SessionVersion) -> dict[str, Any]:
         "time_of_day": shown.record.meta.time_of_day,
         **{key: version[key] for key in ("edits", "moved", "gone", "come", "longer", "let_go")},
     }
+
+
+def add_facts(
+    session: Session, reply: dict[str, Any]
+) -> tuple[dict[str, Any], SessionVersion | None]:
+    """A reply with the facts of the version that it shows, and that version, if it shows one."""
+    shows = reply["kind"] in ("made", "moved_to", "shown")
+    shown = session.find_version(reply.get("version")) if shows else None
+    return (reply if shown is None else {**reply, **build_facts(shown)}), shown

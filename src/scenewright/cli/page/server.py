@@ -33,8 +33,8 @@ from scenewright.cli.page.conversations import (
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.routes import build_routes, describe_fault, refuse
-from scenewright.cli.page.saved import SAVED, write_saved
 from scenewright.cli.page.suggestions import list_places, list_words
+from scenewright.cli.saved import SAVED, write_saved
 from scenewright.cli.views import render
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.extras import describe_missing
@@ -196,23 +196,16 @@ class Page:
         `scene.png`, `scene.gif` and `scene.mp4` are its views, `export.zip` its files in a
         `format`. The page may have another version, `over`, laid over it.
         """
-        found, headers = self._conversations.get(thread), {}
-        if name == "page.html":
-            body: str | bytes = found.build_page(version, over)
-            kind = "text/html"
-            # the page carries its own policy; only this server may frame it
-            headers["Content-Security-Policy"] = "frame-ancestors 'self'"
-        elif name in ("scene.json", "proof.json"):
-            shown = found.find(version)
-            body = shown.scene_json if name == "scene.json" else shown.proof_json
-            kind = "application/json"
-        elif name in SAVED:
-            body, kind = write_saved(found.find(version), name, format), SAVED[name]
-        else:
+        if name not in SAVED:
             raise HTTPException(404)
+        found, headers = self._conversations.get(thread), {}
+        upper = found.find(over) if over else None
+        body = write_saved(found.find(version), name, form=format, over=upper)
+        if name == "page.html":  # it carries its own policy; only this server may frame it
+            headers["Content-Security-Policy"] = "frame-ancestors 'self'"
         if download is not None:
             headers["Content-Disposition"] = f'attachment; filename="{name}"'
-        return Response(body, media_type=kind, headers=headers)
+        return Response(body, media_type=SAVED[name], headers=headers)
 
     def draw_map(self, name: str) -> PictureResponse:
         """A picture of an intersection."""
