@@ -28,7 +28,6 @@ from scenewright.scene.social import Plan, Refusal
 if TYPE_CHECKING:
     from scenewright.scene.plan_file import LogicalPlan
 
-Account = Callable[[Call], None]
 ATTEMPTS = 3
 
 
@@ -56,46 +55,6 @@ def read_rows(path: str) -> list[Any]:
             except (ValueError, RecursionError) as error:
                 raise InputError(f"{name}, line {number}: not JSON: {error}") from error
     return found
-
-
-def plan_rows(
-    rows: list[Any],
-    backend: Backend,
-    *,
-    intersection_map: IntersectionMap | None = None,
-    account: Account = lambda _call: None,
-) -> Iterator[dict[str, Any]]:
-    """One row out per row in, in order; a row that cannot be planned is a refusal.
-
-    Args:
-        intersection_map: the map that the rows are about; None: four legs, in right-hand traffic.
-        account: called with what every answer of a model has cost.
-
-    Raises:
-        BackendFault: the backend failed for good.
-    """
-
-    def plan_one(row: Any) -> Plan:
-        """A bug that one text brings out must not cost all the other rows."""
-        if fault := _find_fault(row):
-            return build_refusal(fault)
-        try:
-            return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
-        except BackendFault:
-            raise
-        except Exception as error:
-            if os.environ.get("SCENEWRIGHT_TRACEBACK"):
-                raise
-            reason = to_cli_error(error).reason
-            log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
-            return build_refusal(reason)
-
-    many = int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1))
-    for row, plan in zip(rows, _map_in_threads(plan_one, rows, many), strict=True):
-        stop_if_asked()
-        name = row.get("id") if isinstance(row, dict) else None
-        # the id that a row came with, right or wrong, as far as one can be read from it
-        yield {**plan_to_row("", plan), "id": name if isinstance(name, str | int) else None}
 
 
 def plan(
@@ -126,15 +85,44 @@ def plan(
 def plan_all(
     rows: list[Any], backend: Backend, intersection: str | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, int]]:
-    """Every row out; and requests to models, with tokens as far as counted, if any were asked.
+    """One row out per row in, in order; a row that cannot be planned is a refusal.
+
+    Args:
+        intersection: that the rows are about; None: four legs, in right-hand traffic.
+
+    Returns:
+        The rows; and requests to models, with tokens as far as counted, if any were asked.
 
     Raises:
         InputError: no such intersection.
         BackendFault: the backend failed for good; carries what answers have cost.
     """
+
     place, calls = None if intersection is None else load_map(intersection), list[Call]()
+
+    def plan_one(row: Any) -> Plan:
+        """A bug that one text brings out must not cost all the other rows."""
+        if fault := _find_fault(row):
+            return build_refusal(fault)
+        try:
+            return ask_for_plan(row, backend, intersection_map=place, account=calls.append)
+        except BackendFault:
+            raise
+        except Exception as error:
+            if os.environ.get("SCENEWRIGHT_TRACEBACK"):
+                raise
+            reason = to_cli_error(error).reason
+            log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
+            return build_refusal(reason)
+
+    many, planned = int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1)), []
     try:
-        planned = list(plan_rows(rows, backend, intersection_map=place, account=calls.append))
+        for row, plan in zip(rows, _map_in_threads(plan_one, rows, many), strict=True):
+            stop_if_asked()
+            name = row.get("id") if isinstance(row, dict) else None
+            # the id that a row came with, right or wrong, as far as one can be read from it
+            own = name if isinstance(name, str | int) else None
+            planned.append({**plan_to_row("", plan), "id": own})
     except BackendFault as fault:
         from scenewright.graph.run import sum_costs_by_task
 
@@ -200,7 +188,7 @@ def ask_for_plan(
     backend: Backend,
     *,
     intersection_map: IntersectionMap | None = None,
-    account: Account = lambda _call: None,
+    account: Callable[[Call], None] = lambda _call: None,
 ) -> Plan:
     """The backend's plan; given what was wrong, it may mend a malformed one."""
     ways, left_hand, roads = scene_planner.FOUR_LEGS, False, {}
