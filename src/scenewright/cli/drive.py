@@ -70,7 +70,8 @@ class DriveOptions(Asked):
     junit: str | None = option(None, "JUnit for CI.", metavar="F.xml", check=try_file)
     html: str | None = option(None, "Report as a page.", metavar="F.html", check=try_file)
 
-    def __post_init__(self) -> None:
+    def refuse_clashes(self) -> None:
+        """InputError where options do not go together."""
         if self.benchmark == bool(self.text_or_scene) or (self.serve and self.out is not None):
             raise InputError(
                 "name a text, a scene folder or --benchmark; --serve goes without --out"
@@ -99,6 +100,7 @@ def drive(*, asked: DriveOptions, quiet: Quiet = False) -> Result:
     from scenewright.driving.summary import summarise, summarise_rows
 
     target = None if asked.out is None else target_folder(asked.out, force=None)
+    asked.refuse_clashes()
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
     setting = asked.pass_on(load_scenario)
     how = asked.pass_on(run_drive) | {"temperament": asked.temperament or "obedient"}
