@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from scenewright.cli.console import format_one_line
-from scenewright.cli.make import choose_folder_name
+from scenewright.cli.output_folder import choose_folder_name
 from scenewright.cli.scene_summary import (
     choose_style,
     format_verdict,

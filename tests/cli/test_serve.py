@@ -25,7 +25,7 @@ from scenewright import verify
 from scenewright.backends import load_backend
 from scenewright.cli.main import main
 from scenewright.cli.options import SessionOptions
-from scenewright.cli.page.answers import read_bytes
+from scenewright.cli.page.routes import read_bytes
 from scenewright.cli.page.server import Page, build_app
 from scenewright.errors import InputError
 from scenewright.intersections import load_map

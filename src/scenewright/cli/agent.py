@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenewright.cli.batch import Out, RunOptions, show_batch_progress
-from scenewright.cli.console import (
-    format_one_line,
-    log_line,
-    show_progress,
-    write_result,
-    write_stdout,
-)
+from scenewright.cli.console import Result, show_progress, tell
 from scenewright.cli.dataset import dataset
-from scenewright.cli.options import UNASKED, Json, Quiet, argument, option
-from scenewright.cli.tables import Corpus, RealTracks, parse_path, write_tables
+from scenewright.cli.options import UNASKED, Quiet, argument, option
+from scenewright.cli.tables import Corpus, RealTracks, write_tables
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 
 if TYPE_CHECKING:
@@ -60,8 +56,7 @@ def run_agent(
     ),
     dry_run: bool = option(False, "Say what was understood, write nothing."),
     quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Fill an order such as `40 collisions and 50 yields at rush hour`.
 
     Writes instructions in the manner of many writers, evenly over the patterns that there are,
@@ -77,8 +72,7 @@ def run_agent(
         raise InputError("--intersections names two or more, as in a,b,c; one is --intersection")
     if dry_run:
         facts = {"dry_run": True, "understood": wish.lines()}
-        write_result(facts, "".join(f"{line}\n" for line in wish.lines()), as_json=as_json)
-        return
+        return Result(facts, "".join(f"{line}\n" for line in wish.lines()))
     wanted = Order(
         text=order,
         wish=wish,
@@ -89,7 +83,7 @@ def run_agent(
         budget=budget,
         **options.choose_work(),
     )
-    fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
+    return fill_and_tell(wanted, out, quiet=quiet)
 
 
 @dataset.command("paper")
@@ -102,8 +96,7 @@ def make_paper_dataset(
     corpus: Corpus = None,
     taf_bw: RealTracks = None,
     quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Make a dataset composed as the paper's.
 
     100 normal scenes, and for each backend 40 collisions and 50 yields: two agents in the
@@ -115,7 +108,6 @@ def make_paper_dataset(
 
     if not tables and (corpus or taf_bw):
         raise InputError("--corpus and --taf-bw are for the tables: say --tables as well")
-    recorded, real = parse_path(corpus), parse_path(taf_bw)
     backends = list(dict.fromkeys(options.backend or ["builtin"]))
     wanted = Order(
         text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
@@ -126,17 +118,17 @@ def make_paper_dataset(
         title="The paper's composition",
         **options.choose_work(),
     )
-    fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
+    result = fill_and_tell(wanted, out, quiet=quiet)
     if tables:
         with show_progress(quiet=quiet) as log:
             page, _, _ = write_tables(
-                wanted.out, corpus=recorded, real=real, log=lambda line: log("measuring", line)
+                wanted.out, corpus=corpus, real=taf_bw, log=partial(log, "measuring")
             )
-        if not as_json:
-            write_stdout(page)
+        return replace(result, text=f"{result.text}{page}")
+    return result
 
 
-def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None:
+def fill_and_tell(order: Order, out: str, *, quiet: bool) -> Result:
     """Fills an order and says what came of it.
 
     Raises:
@@ -146,12 +138,11 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
     from scenewright.dataset.orders.run import fill
 
     if not quiet:
-        for line in order.wish.lines():
-            log_line(f"understood: {format_one_line(line)}")
+        tell(f"understood: {line}" for line in order.wish.lines())
     with show_batch_progress(quiet=quiet, out=out) as log:
         report = fill(order, log=log)
     if not quiet:
-        _log_report(report, writer=order.writer)
+        tell(_describe_report(report, writer=order.writer))
     if report["waiting"]:
         raise BackendFault(
             f"the backend failed for {report['waiting']} of {order.wish.count} scenes; table "
@@ -164,12 +155,12 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
             f"{missing} of {order.wish.count} scenes could not be made within "
             f"{report['instructions']} instructions; {out} holds the others, report.json says why"
         )
-    write_result({"out": out, **report}, f"{out}\n", as_json=as_json)
+    return Result({"out": out, **report}, f"{out}\n")
 
 
-def _log_report(report: dict[str, Any], *, writer: str) -> None:
+def _describe_report(report: dict[str, Any], *, writer: str) -> Iterator[str]:
     if writer != "builtin" and report["by the builtin writer"]:
-        log_line(
+        yield (
             f"{report['by the builtin writer']} of {report['instructions']} instructions are the "
             "builtin writer's: the model described other stories"
         )
@@ -179,9 +170,9 @@ def _log_report(report: dict[str, Any], *, writer: str) -> None:
         if counts:
             coverage = f"{sum(n > 0 for n in counts)} of {len(counts)} patterns"
             coverage += f", {min(counts)}-{max(counts)} each"
-        log_line(
+        yield (
             f"{quota['name']}{planner}: {quota['filled']} of {quota['wanted']} in "
             f"{quota['attempts']} attempts, {coverage}"
         )
         for reason, count in list(quota["refused"].items())[:_SHOWN]:
-            log_line(format_one_line(f"  refused {count}x {reason}"))
+            yield f"  refused {count}x {reason}"

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.console import format_one_line, is_terminal, log_line, write_result
+from scenewright.cli.console import Result, format_one_line, is_terminal, log_line, show_progress
 from scenewright.cli.interrupts import keep, stop_if_asked
 from scenewright.cli.options import (
-    Json,
+    Asked,
+    DrawOptions,
     Lawful,
     MaxAgents,
     ModelOptions,
@@ -46,7 +47,7 @@ Workers = Annotated[
 
 
 @dataclass(frozen=True)
-class SceneOptions:
+class SceneOptions(Asked):
     """How the scenes of a run are made, and on how many processes."""
 
     workers: Workers = None
@@ -65,8 +66,7 @@ class SceneOptions:
         from scenewright.dataset.batch.worker import Options
         from scenewright.graph.run import choose_refiner, find_refiner_gap
 
-        own = {key: each for key, each in vars(self).items() if key in Options.__annotations__}
-        given = own | others
+        given = self.pass_on(Options) | others
         given["backend"] = tuple(given.get("backend") or BUILTIN)
         given["refiner"] = choose_refiner(given["refiner"])
         gap = find_refiner_gap(given["intersection"], given["refiner"])
@@ -108,11 +108,7 @@ def make_batch(
     rows: str = argument(..., "Rows with `id` and `text`, or plain sentences.", metavar="IN"),
     out: Out,
     run: RunOptions,
-    selection: Literal["draw", "map"] = option(
-        "draw", "Draw among the combinations that fit, or take the likeliest."
-    ),
-    lenient: bool = option(False, "Leave out words that cannot be realised, and list them."),
-    max_agents: MaxAgents = None,
+    drawn: DrawOptions,
     exports: list[str] | None = option(
         None, "Write the scenes in a format, too; repeatable.", "--export", metavar="FORMAT"
     ),
@@ -120,8 +116,7 @@ def make_batch(
     shard: str = option("1/1", "Only every N-th row, from the I-th on.", metavar="I/N"),
     dry_run: bool = option(False, "Read everything, write nothing, say what is to do."),
     quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Make a scene of every row and a dataset of the scenes.
 
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
@@ -139,7 +134,7 @@ def make_batch(
     request = Request(
         source=Path(rows),
         out=Path(out),
-        options=run.build_options(selection=selection, lenient=lenient, max_agents=max_agents),
+        options=run.build_options(**vars(drawn)),
         limit=limit,
         shard=parse_shard(shard),
         **run.choose_work(),
@@ -153,15 +148,12 @@ def make_batch(
         lines = [f"{found['rows']} rows, {found['done']} done, {found['to_do']} to do"]
         lines += [f"{each['id']!r} -> {each['folder']}" for each in found["first"]]
         text = "".join(format_one_line(line) + "\n" for line in lines)
-        write_result({"dry_run": True, **found}, text, as_json=as_json)
-        return
+        return Result({"dry_run": True, **found}, text)
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_batch(request, log=log)
     for name in exports or () if summary.made else ():
         export(list_scenes(request.out), name, request.out / EXPORTS / name)
-    if not quiet:
-        log_summary(summary)
-    write_result({"out": out, **build_summary_object(summary)}, f"{out}\n", as_json=as_json)
+    return show_summary(summary, {"out": out}, f"{out}\n")
 
 
 def count_cores() -> int:
@@ -171,76 +163,48 @@ def count_cores() -> int:
     return os.cpu_count() or 1
 
 
-def build_summary_object(summary: Summary) -> dict[str, Any]:
-    """What `--json` prints of a run."""
-    return {
+def show_summary(summary: Summary, facts: dict[str, Any], text: str) -> Result:
+    """What came of a run, for machines and in a few lines for people."""
+    own = {
         "rows": summary.rows,
-        **{status: summary.counts.get(status, 0) for status in ("made", "refused", "failed")},
-        "left": summary.counts.get("left", 0),
+        **{each: summary.counts.get(each, 0) for each in ("made", "refused", "failed", "left")},
         "done_now": summary.now,
         "complete": summary.complete,
         "reasons": summary.codes,
         "paid": summary.paid,
     }
-
-
-def log_summary(summary: Summary) -> None:
-    """Two lines for people."""
     counts = ", ".join(f"{count} {status}" for status, count in summary.counts.items())
-    log_line(f"{summary.rows} rows: {counts or 'none'}")
+    lines = [f"{summary.rows} rows: {counts or 'none'}"]
     if summary.codes:
         codes = ", ".join(f"{code} ({count})" for code, count in summary.codes.items())
-        log_line(f"without a scene: {codes}; table refused has each row's reason")
+        lines += [f"without a scene: {codes}; table refused has each row's reason"]
     if summary.paid:
-        log_line(
-            ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items())
-        )
+        paid = (f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items())
+        lines += [", ".join(paid)]
     if summary.counts.get("failed"):
-        log_line("rows that failed are tried again by the same command")
+        lines += ["rows that failed are tried again by the same command"]
+    return Result({**facts, **own}, text, summary=lines)
 
 
 @contextmanager
 def show_batch_progress(*, quiet: bool, out: str) -> Iterator[ProgressCallback]:
-    """Shows the progress of a batch: a bar on a terminal, a line every 5 s elsewhere."""
+    """Shows the progress of a batch; where there is no terminal in a line every 5 s, and the last.
+
+    Every progress is also a moment at which a batch that shall stop does.
+    """
     keep(f"what is done stays in {out}, and the same command goes on from there")
-    if quiet:
-        yield lambda _: stop_if_asked()
-    elif is_terminal(sys.stderr):
-        with _show_bar() as log:
-            yield log
-    else:
-        yield _BatchLines()
+    told = time.monotonic()
+    with show_progress(quiet=quiet) as log:
 
-
-class _BatchLines:
-    """Says a line now and then, and at the end."""
-
-    def __init__(self) -> None:
-        self._last = time.monotonic()
-
-    def __call__(self, progress: Progress) -> None:
-        stop_if_asked()
-        now = time.monotonic()
-        if now - self._last >= EVERY or (progress.done == progress.of and progress.rate):
-            self._last = now
-            log_line(format_progress(progress))
-
-
-@contextmanager
-def _show_bar() -> Iterator[ProgressCallback]:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    columns = (BarColumn(bar_width=30), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-
-        def log(progress: Any) -> None:
+        def tell(progress: Progress) -> None:
+            nonlocal told
             stop_if_asked()
-            words = format_progress(progress)
-            bar.update(task, total=progress.of, completed=progress.done, description=words)
+            now, ends = time.monotonic(), progress.done == progress.of and bool(progress.rate)
+            if is_terminal(sys.stderr) or ends or now - told >= EVERY:
+                told = now
+                log("", format_progress(progress))
 
-        yield log
+        yield tell
 
 
 def format_progress(progress: Progress) -> str:
@@ -282,8 +246,7 @@ def sweep(
     out: Out,
     options: SweepOptions,
     quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Make scenes of a plan with ranges, distributions or lists in place of values.
 
     points.csv has the values of each point and what became of it: that physics or the place does
@@ -298,7 +261,5 @@ def sweep(
     logical = read_logical_plan(plan)
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_sweep(logical, request, n=options.n, sampling=options.sampling, log=log)
-    if not quiet:
-        log_summary(summary)
-    facts = {"out": out, "table": f"{out}/{TABLE}", **build_summary_object(summary)}
-    write_result(facts, f"{out}/{TABLE}\n", as_json=as_json)
+    table = f"{out}/{TABLE}"
+    return show_summary(summary, {"out": out, "table": table}, f"{table}\n")

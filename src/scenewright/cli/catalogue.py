@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from scenewright.cli.batch import Sampling, SweepOptions, sweep
-from scenewright.cli.console import format_columns, write_result, write_stdout
+from scenewright.cli.console import Result, format_columns, show_result, write_stdout
 from scenewright.cli.options import Commands, Json, Quiet, argument, option
 from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
@@ -43,14 +43,13 @@ def format_entry(name: str) -> str:
 
 
 @catalogue.command("list")
-def list_entries(as_json: Json = False) -> None:
+def list_entries() -> Result:
     """List the plans, and which tests there is none of, and why."""
     _, sources = read_catalogue()
     rows = [(name, each["title"], each["section"]) for name, each in sources["plans"].items()]
     absent = "".join(f" none of {names}: {why}\n" for names, why in sources["absent"].items())
     table = format_columns(("id", "what happens", "section"), rows, right=set())
-    facts = {"plans": sources["plans"], "absent": sources["absent"]}
-    write_result(facts, table + absent, as_json=as_json)
+    return Result({key: sources[key] for key in ("plans", "absent")}, table + absent)
 
 
 @catalogue.command("show")
@@ -83,6 +82,5 @@ def make_entries(
     for each in sources["plans"] if name is None else [name]:
         format_entry(each)  # it is there
         with resources.as_file(folder / f"{each}.yaml") as file:
-            sweep(
-                plan=str(file), out=f"{out}/{each}", options=options, quiet=quiet, as_json=as_json
-            )
+            made = sweep(plan=str(file), out=f"{out}/{each}", options=options, quiet=quiet)
+        show_result(made, quiet=quiet, as_json=as_json)

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from scenewright.authoring.explain import explain_refusal
+from scenewright.authoring.session import MAIN, SessionVersion, list_branches
+from scenewright.cli.chat_commands import ChatOptions
 from scenewright.cli.console import (
+    ProgressCallback,
     format_one_line,
     is_terminal,
     log_line,
+    paint,
     show_progress,
     write_json,
     write_stdout,
 )
 from scenewright.cli.interrupts import forget_interrupt, has_terminate_signal
 from scenewright.cli.sessions import (
+    add_facts,
     choose_free_name,
     compare,
     find_memory_file,
@@ -27,15 +33,12 @@ from scenewright.cli.sessions import (
     list_versions,
     open_session,
 )
+from scenewright.cli.turn_report import format_reply
+from scenewright.cli.views import ViewKind, record_version, save_version, write_view
 from scenewright.errors import InputError
+from scenewright.graph.examples import recall_from
 from scenewright.intersections import find_data_folder
-
-if TYPE_CHECKING:
-    from scenewright.authoring.session import Session, SessionVersion
-    from scenewright.cli.chat_commands import ChatOptions
-    from scenewright.cli.views import ViewKind
-    from scenewright.graph.run import ProgressCallback
-    from scenewright.memory.episodes import Episodes
+from scenewright.memory.episodes import Episodes
 
 HELP = """\
 Say what shall happen, then what shall be different: "make the pedestrian come from the east",
@@ -54,7 +57,6 @@ Say what shall happen, then what shall be different: "make the pedestrian come f
 /why                why the last words were refused
 /help, /quit"""
 
-_AGENT = ("id", "name", "type", "subtype", "entry", "exit", "role")
 _LONGEST_WORDS = 20_000
 _LONGEST_HISTORY = 2000
 
@@ -65,50 +67,26 @@ def run_chat(options: ChatOptions, *, quiet: bool = False, as_json: bool = False
     Raises:
         InputError: the thread cannot be used.
     """
-    from scenewright.graph.examples import recall_from
-    from scenewright.memory.episodes import Episodes
-
-    backend = options.model.load()
-    episodes = None if options.no_memory else Episodes(find_memory_file())
-    progress_log = _ProgressLog()
-    threads, session = open_session(
-        options, options.thread or choose_free_name("thread", list_threads(options.threads)),
-        backend, refiner=options.refiner, log=progress_log,
-        recall=None if episodes is None else recall_from(episodes),
-    )  # fmt: skip
+    loop = _ChatLoop(options, quiet=quiet, as_json=as_json)
     try:
-        _ChatLoop(
-            session, progress_log, episodes, out=options.out, quiet=quiet, as_json=as_json
-        ).run()
+        loop.run()
     finally:
-        threads.close()
-
-
-class _ProgressLog:
-    """Passes the messages of a turn to the current display."""
-
-    def __init__(self) -> None:
-        self.to: ProgressCallback = lambda _stage, _line: None
-
-    def __call__(self, stage: str, line: str) -> None:
-        self.to(stage, line)
+        loop.threads.close()
 
 
 class _ChatLoop:
     """Reads lines, lets the session act, says what became of it."""
 
-    def __init__(
-        self,
-        session: Session,
-        progress_log: _ProgressLog,
-        episodes: Episodes | None,
-        *,
-        out: str | None,
-        quiet: bool,
-        as_json: bool,
-    ) -> None:
-        self._session, self._progress_log, self._episodes = session, progress_log, episodes
-        self._out, self._json = out, as_json
+    def __init__(self, options: ChatOptions, *, quiet: bool, as_json: bool) -> None:
+        self._episodes = None if options.no_memory else Episodes(find_memory_file())
+        self._display: ProgressCallback = lambda _stage, _line: None
+        self.threads, self._session = open_session(
+            options, options.thread or choose_free_name("thread", list_threads(options.threads)),
+            options.model.load(), refiner=options.refiner,
+            log=lambda stage, line: self._display(stage, line),  # noqa: PLW0108 -- it changes
+            recall=None if self._episodes is None else recall_from(self._episodes),
+        )  # fmt: skip
+        self._out, self._json = options.out, as_json
         self._quiet = quiet or as_json or not is_terminal(sys.stderr)
         self._commands: dict[str, Callable[[list[str]], dict[str, Any]]] = {
             "undo": lambda _: self._session.undo(),
@@ -178,8 +156,7 @@ class _ChatLoop:
     def _run_turn(self, words: str) -> dict[str, Any]:
         """One turn; Ctrl-C gives it up and leaves the thread as it was."""
         try:
-            with show_progress(quiet=self._quiet) as log:
-                self._progress_log.to = log
+            with show_progress(quiet=self._quiet) as self._display:
                 return self._session.say(words)
         except KeyboardInterrupt:
             if has_terminate_signal():
@@ -187,18 +164,16 @@ class _ChatLoop:
             forget_interrupt()
             return {"kind": "nothing", "reason": "given up; the scene is as it was"}
         finally:
-            self._progress_log.to = lambda _stage, _line: None
+            self._display = lambda _stage, _line: None
 
     def _list_branches(self) -> dict[str, Any]:
-        from scenewright.authoring.session import MAIN, list_branches
-
         state = self._session.state
         here = state.get("branch", MAIN)
         return {"kind": "branches", "branches": list_branches(state), "branch": here}
 
     def _show(self, arguments: list[str]) -> dict[str, Any]:
         shown = get_version(self._session, *arguments[:1])
-        return {"kind": "shown", "version": shown.version["number"], **build_facts(shown)}
+        return {"kind": "shown", "version": shown.version["number"]}
 
     def _compare(self, arguments: list[str]) -> dict[str, Any]:
         if len(arguments) != 2:
@@ -209,8 +184,6 @@ class _ChatLoop:
         return f"{self._session.thread}-{shown.version['number']}"
 
     def _save(self, arguments: list[str]) -> dict[str, Any]:
-        from scenewright.cli.views import save_version
-
         shown = get_version(self._session)
         place = " ".join(arguments) or self._out or str(Path("scenes") / self._name(shown))
         folder, files, warnings = save_version(shown, place)
@@ -219,12 +192,13 @@ class _ChatLoop:
 
     def _save_view(self, kind: ViewKind, arguments: list[str]) -> dict[str, Any]:
         """Writes the current version as one file; a file that is there is not overwritten."""
-        from scenewright.cli.views import write_view
-
         shown = get_version(self._session)
         path = Path(" ".join(arguments) or f"{self._name(shown)}.{kind}")
         if path.exists():
             raise InputError(f"{path} is there already; name another file")
+        return self._write(kind, path, shown)
+
+    def _write(self, kind: ViewKind, path: Path, shown: SessionVersion) -> dict[str, Any]:
         write_view(kind, path, shown.record, shown.proof)
         return {"kind": "saved", "folder": str(path.parent), "files": [path.name], "warnings": []}
 
@@ -246,19 +220,14 @@ class _ChatLoop:
         """Opens the current version in the browser; says where its page lies."""
         import webbrowser
 
-        from scenewright.cli.views import write_view
-
         shown = get_version(self._session)
         path = self._view_file(shown, "html")
-        write_view("html", path, shown.record, shown.proof)
-        opened = webbrowser.open(path.as_uri())
-        warnings = [] if opened else ["there is no browser to open it in"]
-        return {"kind": "saved", "folder": str(path.parent), "files": [path.name],
-                "warnings": warnings}  # fmt: skip
+        reply = self._write("html", path, shown)
+        none = [] if webbrowser.open(path.as_uri()) else ["there is no browser to open it in"]
+        return {**reply, "warnings": none}
 
     def _open(self) -> dict[str, Any]:
         """Opens the recording of the current version, until its viewer is closed."""
-        from scenewright.cli.views import record_version
         from scenewright.viz.recording import open_recording
 
         shown = get_version(self._session)
@@ -273,55 +242,21 @@ class _ChatLoop:
         return folder / f"{self._name(shown)}.{ending}"
 
     def _explain(self) -> dict[str, Any]:
-        from scenewright.authoring.explain import explain_refusal
-
         refused = self._session.state.get("refused")
         none = ["nothing was refused since the last change"]
         lines = none if refused is None else explain_refusal(refused)
         return {"kind": "why", "lines": lines, "refused": refused}
 
     def _say_back(self, words: str, reply: dict[str, Any]) -> None:
-        shown = self._session.find_version() if reply["kind"] in ("made", "moved_to") else None
-        if shown is not None:
-            reply = {**reply, **build_facts(shown)}
+        reply, shown = add_facts(self._session, reply)
         if self._json:
             ok = reply["kind"] != "refused"
             write_json({"ok": ok, "thread": self._session.thread, "words": words, **reply})
             return
-        from scenewright.cli.turn_report import format_reply
-
         for style, line in format_reply(reply, shown):
-            _print(style, line)
-
-
-def build_facts(shown: SessionVersion) -> dict[str, Any]:
-    """What a script wants to know of a version."""
-    version = shown.version
-    return {
-        **shown.proof.build_verdict(),
-        "events": shown.record.to_json()["events"],
-        "agents": [{key: getattr(each, key) for key in _AGENT} for each in shown.record.agents],
-        "duration": shown.record.meta.duration,
-        "time_of_day": shown.record.meta.time_of_day,
-        **{key: version[key] for key in ("edits", "moved", "gone", "come", "longer", "let_go")},
-    }
-
-
-def _print(style: str, line: str) -> None:
-    """A line for people, in colour where a terminal shows it."""
-    plain = format_one_line(line, limit=_LONGEST_HISTORY)
-    indent = line[: len(line) - len(line.lstrip(" "))]
-    if not is_terminal(sys.stdout):
-        write_stdout(f"{indent}{plain}\n")
-        return
-    from io import StringIO
-
-    from rich.console import Console
-    from rich.text import Text
-
-    buffer = StringIO()
-    Console(file=buffer, force_terminal=True, soft_wrap=True).print(Text(indent + plain, style))
-    write_stdout(buffer.getvalue())
+            indent = line[: len(line) - len(line.lstrip(" "))]
+            plain = format_one_line(line, limit=_LONGEST_HISTORY)
+            write_stdout(paint(indent + plain, style) + "\n")
 
 
 def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
@@ -332,7 +267,7 @@ def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
         for raw in sys.stdin.buffer:
             yield raw[: 4 * _LONGEST_WORDS].decode("utf-8", "surrogateescape")
         return
-    with _line_history():
+    with _keep_history():
         while True:
             try:
                 yield input(prompt)
@@ -346,21 +281,21 @@ def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
                 log_line("\n/quit or Ctrl-D ends the conversation")
 
 
-class _line_history:  # noqa: N801 - used as a function
+@contextmanager
+def _keep_history() -> Iterator[None]:
     """Arrow keys bring back what was typed, also in earlier conversations."""
+    file = find_data_folder() / "chat_history"
+    with suppress(ImportError, OSError):
+        import readline
 
-    def __enter__(self) -> None:
-        self._file = find_data_folder() / "chat_history"
+        readline.set_history_length(1000)
+        readline.read_history_file(file)
+    try:
+        yield
+    finally:
         with suppress(ImportError, OSError):
             import readline
 
-            readline.set_history_length(1000)
-            readline.read_history_file(self._file)
-
-    def __exit__(self, *_: object) -> None:
-        with suppress(ImportError, OSError):
-            import readline
-
-            self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            readline.write_history_file(self._file)
-            self._file.chmod(0o600)
+            file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            readline.write_history_file(file)
+            file.chmod(0o600)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenewright.cli.console import format_one_line, log_line, write_json, write_result
-from scenewright.cli.options import Commands, Json, Quiet, SessionOptions, option
+from scenewright.cli.console import Result, format_one_line
+from scenewright.cli.options import Commands, Quiet, SessionOptions, option
 from scenewright.cli.output_folder import try_folder
 
 memory = Commands(name="memory", help="Accepted scenes, recalled as examples for prompts.")
@@ -26,16 +26,16 @@ def open_chat(
     list_: bool = option(False, "List the threads there are.", "--list"),
     quiet: Quiet = False,
     as_json: bool = option(False, "One JSON object for every line of stdin.", "--json"),
-) -> None:
+) -> Result | None:
     """Make a scene in conversation, and change it in words until it is right."""
     from scenewright.cli.chat import run_chat
     from scenewright.cli.sessions import list_threads
 
     if list_:
         names = list_threads(options.threads)
-        write_result({"threads": names}, "".join(f"{name}\n" for name in names), as_json=as_json)
-        return
+        return Result({"threads": names}, "".join(f"{name}\n" for name in names))
     run_chat(options, quiet=quiet, as_json=as_json)
+    return None
 
 
 def serve_mcp(
@@ -50,7 +50,7 @@ def serve_mcp(
 
 
 @memory.command("list")
-def list_memory(as_json: Json = False) -> None:
+def list_memory() -> Result:
     """List what is remembered."""
     from scenewright.cli.sessions import find_memory_file
     from scenewright.memory.episodes import Episodes
@@ -58,18 +58,14 @@ def list_memory(as_json: Json = False) -> None:
     found = Episodes(find_memory_file()).list_all()
     rows = [{"request": e.request, "taxonomy": list(e.taxonomy)} for e in found]
     lines = (f"{', '.join(e.taxonomy) or 'normal'}: {format_one_line(e.request)}\n" for e in found)
-    facts = {"file": str(find_memory_file()), "episodes": rows}
-    write_result(facts, "".join(lines), as_json=as_json)
+    return Result({"file": str(find_memory_file()), "episodes": rows}, "".join(lines))
 
 
 @memory.command("wipe")
-def wipe_memory(as_json: Json = False) -> None:
+def wipe_memory() -> Result:
     """Forget everything that is remembered."""
     from scenewright.cli.sessions import find_memory_file
     from scenewright.memory.episodes import Episodes
 
     count = Episodes(find_memory_file()).wipe()
-    if as_json:
-        write_json({"ok": True, "forgotten": count})
-    else:
-        log_line(f"{count} episodes forgotten")
+    return Result({"forgotten": count}, "", notes=[f"{count} episodes forgotten"])

@@ -6,17 +6,14 @@ import json
 import os
 import sys
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TextIO
+from dataclasses import dataclass
+from typing import Any, TextIO
 
 from scenewright.cli.interrupts import stop_if_asked
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from scenewright.graph.run import ProgressCallback
-
+ProgressCallback = Callable[[str, str], None]
 LONGEST_LINE = 600
 _STAGES = {
     "scene_planner": "planning",
@@ -42,6 +39,12 @@ def format_one_line(text: str, *, limit: int = LONGEST_LINE) -> str:
 def count(number: int, noun: str) -> str:
     """`1 file`, `2 files`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def shorten(lines: Sequence[str], most: int) -> list[str]:
+    """The first lines, and how many more there are."""
+    more = len(lines) - most
+    return [*lines[:most], f"and {more} more"] if more > 0 else list(lines)
 
 
 def log_line(line: str) -> None:
@@ -80,12 +83,36 @@ def write_json(value: Mapping[str, Any]) -> None:
     write_stdout(json.dumps(value, allow_nan=False) + "\n")
 
 
-def write_result(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
-    """To stdout either the facts as one object, `ok` unless they say else, or the text."""
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What came of a command.
+
+    Attributes:
+        facts: the object of `--json`, with `ok` unless it says else; text: stdout without.
+        summary: lines for people on stderr, but with --quiet; notes: lines that are always said.
+        code: of the process.
+    """
+
+    facts: Mapping[str, Any]
+    text: str | Callable[[], str]
+    summary: Iterable[str] = ()
+    notes: Iterable[str] = ()
+    code: int = 0
+
+
+def show_result(result: Result, *, quiet: bool, as_json: bool) -> None:
+    """To stdout either the facts as one object or the text; to stderr what is said to people."""
     if as_json:
-        write_json({"ok": True, **facts})
+        write_json({"ok": True, **result.facts})
     else:
-        write_stdout(text)
+        write_stdout(result.text if isinstance(result.text, str) else result.text())
+    tell([*(() if quiet else result.summary), *result.notes])
+
+
+def tell(lines: Iterable[str]) -> None:
+    """Lines to stderr, each on one line; one that is indented stays so."""
+    for line in lines:
+        log_line(("  " if line.startswith(" ") else "") + format_one_line(line))
 
 
 def abandon_stdout() -> None:
@@ -98,16 +125,14 @@ def abandon_stdout() -> None:
         return
 
 
-def render_table(table: Table) -> str:
-    """A table as text, in colour on a terminal, never cut short in a pipe."""
-    from io import StringIO
+_COLOURS = {"red": 31, "green": 32, "yellow": 33, "dim": 2}
 
-    from rich.console import Console
 
-    tty = is_terminal(sys.stdout)
-    page = StringIO()
-    Console(file=page, force_terminal=tty, width=None if tty else 4000).print(table)
-    return "\n".join(line.rstrip() for line in page.getvalue().splitlines()) + "\n"
+def paint(line: str, style: str) -> str:
+    """A line of stdout in a colour, or dim, where a terminal shows it; a style of "" is plain."""
+    if not style or not is_terminal(sys.stdout) or os.environ.get("NO_COLOR"):
+        return line
+    return f"\x1b[{_COLOURS[style]}m{line}\x1b[0m"
 
 
 def format_columns(titles: Sequence[str], rows: Sequence[Sequence[str]], *, right: Set[str]) -> str:
@@ -173,7 +198,7 @@ class _ProgressLines:
         self._held: str | None = None
 
     def __call__(self, stage: str, line: str) -> None:
-        words = f"{_STAGES.get(stage, stage)}: {format_one_line(line)}"
+        words = _format_stage(stage, format_one_line(line))
         if self._held is not None:
             log_line(self._held)
         self._held = words if line.startswith("refused") else None
@@ -188,5 +213,9 @@ def _show_spinner() -> Iterator[ProgressCallback]:
 
     with Console(stderr=True).status(Text("starting")) as status:
         yield lambda stage, line: status.update(
-            Text(f"{_STAGES.get(stage, stage)}: {format_one_line(line, limit=100)}")
+            Text(_format_stage(stage, format_one_line(line, limit=100)))
         )
+
+
+def _format_stage(stage: str, line: str) -> str:
+    return f"{_STAGES.get(stage, stage)}: {line}" if stage else line

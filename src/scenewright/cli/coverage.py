@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenewright.cli.console import format_columns, log_line, write_json, write_stdout
+from scenewright.cli.console import Result, format_columns
 from scenewright.cli.errors import NOT_VERIFIED
-from scenewright.cli.options import Json, argument, option
+from scenewright.cli.options import argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.dataset.tables.junit import Case, build_junit
 from scenewright.errors import InputError
@@ -28,12 +26,13 @@ def show_coverage(
     folders: list[str] = argument(..., "Datasets, sweeps, folders of scenes.", metavar="DIR..."),
     goal: str | None = option(None, "What is to be covered, how often.", metavar="GOALS.yaml"),
     fill: str | None = option(
-        None, "Write rows for `batch` that ask for the rest.", metavar="ROWS.jsonl"
+        None, "Write rows for `batch` that ask for the rest.", metavar="ROWS.jsonl", check=try_file
     ),
-    junit: str | None = option(None, "Write each goal as a test case.", metavar="F.xml"),
-    plot: str | None = option(None, "Write a picture.", metavar="F.png"),
-    as_json: Json = False,
-) -> None:
+    junit: str | None = option(
+        None, "Write each goal as a test case.", metavar="F.xml", check=try_file
+    ),
+    plot: str | None = option(None, "Write a picture.", metavar="F.png", check=try_file),
+) -> Result:
     """Count which bins of what was asked for and measured the scenes cover, and name the gaps.
 
     Exit code 0 if all goals are met, 1 if not.
@@ -43,8 +42,6 @@ def show_coverage(
     from scenewright.dataset.batch.sweep import measure_sweep
     from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 
-    for file in filter(None, (fill, junit, plot)):
-        try_file(file)
     goals = None if goal is None else read_goals(Path(goal))
     scenes, encounters = read_encounters(folders)
     covered = measure_coverage(encounters, goals)
@@ -64,15 +61,15 @@ def show_coverage(
         write_atomically(junit, build_junit({"coverage": _list_test_cases(covered)}))
     if plot is not None:
         draw_coverage(Path(plot), shown)
-    if as_json:
-        write_json({"ok": met, **found})
-    else:
-        write_stdout(_format_table(shown, wanted=goals is not None))
-        log_line(f"{scenes} verified scenes, {len(encounters)} encounters")
-        for line in left:
-            log_line(f"not asked for: {line}")
-    if not met:
-        raise typer.Exit(NOT_VERIFIED)
+    return Result(
+        {"ok": met, **found},
+        _format_table(shown, wanted=goals is not None),
+        notes=[
+            f"{scenes} verified scenes, {len(encounters)} encounters",
+            *(f"not asked for: {line}" for line in left),
+        ],
+        code=0 if met else NOT_VERIFIED,
+    )
 
 
 def read_encounters(folders: Sequence[str]) -> tuple[int, list[Encounter]]:

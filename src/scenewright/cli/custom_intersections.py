@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from scenewright.arrays import read_arrays
+from scenewright.cli.console import ProgressCallback
 from scenewright.cli.learned_walks import learn_walks
 from scenewright.cli.options import FitOptions, ImportOptions
-from scenewright.cli.refiners import GOES_ON, adapt_refiner, train_to_files
+from scenewright.cli.refiners import adapt_refiner, train_to_files
 from scenewright.cli.views import render
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
 from scenewright.intersections import (
     REFINER_WEIGHTS,
+    SHIPPED,
     check_bundle,
     find_bundle_folder,
     find_custom_root,
@@ -33,14 +39,21 @@ from scenewright.tools.fitting.custom_bundle import (
     write_custom_bundle,
 )
 from scenewright.tools.fitting.derive_priors import derive_priors
-from scenewright.tools.fitting.fit_tracks import LaneOffsets
+from scenewright.tools.fitting.fit_tracks import (
+    FrameChange,
+    LaneOffsets,
+    fit_tracks,
+    read_hourly_counts,
+)
+from scenewright.tools.gmm_sampler import build_paths, load_priors, sample_waypoints
 from scenewright.tools.gmm_sampler.priors import Priors
 from scenewright.tools.map_import import ImportedMap, import_map
 from scenewright.tools.map_import.quality_report import build_report, format_report
 from scenewright.tools.map_import.survey_file import write_survey
-from scenewright.tools.track_io import Recording, save_recordings
+from scenewright.tools.track_io import save_recordings
+from scenewright.tools.track_io.track_files import read_track_files
 
-ProgressCallback = Callable[[str, str], None]
+T = TypeVar("T")
 REFINER_CARD = "refiner.md"
 REPORT, REPORT_PICTURE, SURVEY = "report.json", "report.png", "survey.json"
 _FORMATS = {
@@ -62,24 +75,17 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
     """
     from scenewright.viz.intersection_picture import list_unshown_streets
 
-    name, center = make_name(options.name), options.center
+    name = make_name(options.name)
     if (find_custom_root() / name).exists() and not options.force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
     log("reading", file)
-    made = import_map(
-        file,
-        name=name,
-        center=None if center is None else parse_center(center),
-        junction=options.junction,
-        left_hand=options.left_hand,
-        extent=options.extent,
-        title=options.title,
-        signals=options.signals,
-        streets=options.street or (),
-    )
+    asked = options.pass_on(import_map) | {"center": _read(parse_center, options.center)}
+    made = import_map(file, **asked | {"name": name, "streets": options.street or ()})
     log("deriving", "priors from the map, nothing was seen there yet")
     place, lines = made.intersection_map, made.route_lines
     report = build_report(made.items, made.crosswalks, made.notes)
+    how = {"map_format": made.map_format, "extent": options.extent, "title": options.title,
+           "signals": options.signals}  # fmt: skip
     folder = write_custom_bundle(
         name,
         place,
@@ -95,14 +101,9 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
         notes=made.notes,
         licence=options.licence,
         force=options.force,
-        extra={
-            **_report_files(made, report),
-            SURVEY: write_survey(
-                made.survey, map_format=made.map_format, extent=options.extent,
-                title=options.title, signals=options.signals,
-            ),
-        },
-    )  # fmt: skip
+        extra={**_report_files(made, report), SURVEY: write_survey(made.survey, **how)},
+    )
+    called = [] if name == options.name else [f"{options.name!r} is called {name} in commands"]
     return {
         "name": name,
         "folder": str(folder),
@@ -112,19 +113,13 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
         "movements": len(place.movements),
         "crosswalks": len(place.crosswalks),
         "signals": place.signals is not None,
-        "notes": [
-            *([] if name == options.name else [f"{options.name!r} is called {name} in commands"]),
-            *made.notes,
-            *list_unshown_streets(place),
-        ],
+        "notes": [*called, *made.notes, *list_unshown_streets(place)],
         "report": format_report(report),
     }
 
 
 def _report_files(made: ImportedMap, report: Mapping[str, Any]) -> dict[str, bytes]:
     """The report as files of the bundle: its facts, and the map over the file's own geometry."""
-    import json
-
     from scenewright.viz.import_picture import draw_import
 
     drawn = render(lambda path: draw_import(
@@ -151,21 +146,28 @@ def simulate_own(
         no = "leave it out with --no-train"
         require_extra("learn", "training a refiner", "torch", otherwise=no)
     from scenewright.tools.fitting.simulated_priors import fit_simulated_priors, simulate_map
+    from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
 
     bundle = open_custom_bundle(name)
     place, lines = bundle.intersection_map, bundle.route_lines
     made = simulate_map(
-        place, lines, minutes=minutes, seed=seed, progress=lambda line: log("simulating", line)
+        place, lines, minutes=minutes, seed=seed, progress=partial(log, "simulating")
     )
     if corpus is not None:
         save_recordings(Path(corpus), made.recordings)
     log("fitting", f"priors on {len(made.trips)} trips")
     priors = fit_simulated_priors(place, lines, made.trips, made.present)
-    extra: dict[str, bytes] = {}
-    facts: dict[str, Any] = {}
+    extra, figures = dict[str, bytes](), dict[str, Any]()
     if train:
-        command = f"scenewright intersections simulate {name} --minutes {minutes} --seed {seed}"
-        extra, facts = _train_refiner(name, made.recordings, command, seed, log)
+        # It goes on from the shipped intersection's, which knows how people drive but not how they
+        # do here: from nothing, so little traffic would not teach it.
+        shipped = load_bundled_refiner(SHIPPED)
+        log("training", f"a refiner on {len(made.recordings)} recordings")
+        extra, figures = train_to_files(
+            name, made.recordings, start=None if shipped is None else shipped.net, seed=seed,
+            command=f"scenewright intersections simulate {name} --minutes {minutes} --seed {seed}",
+            log=log,
+        )  # fmt: skip
     on_foot = sum(trip.subtype is None for trip in made.trips)
     folder = _rewrite_bundle(
         bundle,
@@ -177,31 +179,7 @@ def simulate_own(
         extra,
     )  # fmt: skip
     return {"name": name, "folder": folder, "trips": len(made.trips), "walks": on_foot,
-            "minutes": minutes, "trained": train, "figures": facts}  # fmt: skip
-
-
-def _train_refiner(
-    name: str, recordings: Sequence[Recording], command: str, seed: int, log: ProgressCallback
-) -> tuple[dict[str, bytes], dict[str, Any]]:
-    """A refiner for the simulated traffic, as files of the bundle, and what it is worth.
-
-    It goes on from the shipped intersection's, which knows how people drive but not how they do
-    here: from nothing, so little traffic would not teach it.
-    """
-    from scenewright.intersections import SHIPPED
-    from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
-    from scenewright.tools.trajnet_refiner.train import RECIPE
-
-    shipped = load_bundled_refiner(SHIPPED)
-    recipe = RECIPE.model_copy(update={**GOES_ON, "seed": seed})
-    log("training", f"a refiner on {len(recordings)} recordings")
-    return train_to_files(
-        name, recordings, recipe=recipe, command=command,
-        start=None if shipped is None else shipped.net,
-        after_epoch=lambda epoch: log(
-            "training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}"
-        ),
-    )  # fmt: skip
+            "minutes": minutes, "trained": train, "figures": figures}  # fmt: skip
 
 
 def fit_own(
@@ -214,23 +192,13 @@ def fit_own(
     """
     if options.train:
         require_extra("learn", "adapting the refiner", "torch", otherwise="leave out --train")
-    from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
-    from scenewright.tools.track_io.track_files import read_track_files
-
     bundle, lit = _add_recorded_lights(open_custom_bundle(name), options)
     log("reading", f"{len(paths)} files or folders")
-    files = read_track_files(
-        paths,
-        columns=None if options.columns is None else parse_columns(options.columns),
-        scale=options.scale,
-        named=options.named,
-    )
+    columns = _read(parse_columns, options.columns)
+    files = read_track_files(paths, columns=columns, scale=options.scale, named=options.named)
     elsewhere, pool_notes = _fit_elsewhere(options.pool or (), options.pool_scale)
-    frame = FrameChange(
-        bundle.origin,
-        None if options.origin is None else parse_center(options.origin),
-        None if options.shift is None else parse_center(options.shift),
-    )
+    origin, shift = _read(parse_center, options.origin), _read(parse_center, options.shift)
+    frame = FrameChange(bundle.origin, origin, shift)
     bundle, learned, new_report = learn_walks(bundle, files, frame)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     log("fitting", f"{sum(len(file.tracks) for file in files)} tracks")
@@ -239,11 +207,11 @@ def fit_own(
         bundle.route_lines,
         files,
         frame,
-        begin=None if options.start is None else _parse_clock(options.start),
-        hourly=None if options.counts is None else read_hourly_counts(options.counts),
+        begin=_read(_parse_clock, options.start),
+        hourly=_read(read_hourly_counts, options.counts),
         elsewhere=elsewhere,
     )
-    adapted, note = adapt_refiner(name, files, log) if options.train else ({}, None)
+    adapted, *note = adapt_refiner(name, files, log) if options.train else ({},)
     folder = _rewrite_bundle(
         bundle,
         fitted.priors,
@@ -262,7 +230,7 @@ def fit_own(
         "matched": fitted.matched,
         "off": fitted.off_route,
         "open": fitted.open_route,
-        "notes": [*lit, *pool_notes, *learned, *fitted.notes, *([] if note is None else [note])],
+        "notes": [*lit, *pool_notes, *learned, *fitted.notes, *note],
         "heldout": [
             {"share": row.share, "tracks": row.tracks, "pooled_nll": row.pooled,
              "unpooled_nll": row.unpooled}
@@ -280,8 +248,6 @@ def _add_recorded_lights(
         if legs is not None:
             raise InputError("--light-legs needs --lights, the file of recorded lights")
         return bundle, []
-    from dataclasses import replace
-
     from scenewright.tools.fitting.recorded_signals import fit_recorded_program
     from scenewright.tools.track_io.signal_files import read_recorded_lights
 
@@ -289,27 +255,27 @@ def _add_recorded_lights(
         bundle.intersection_map,
         read_recorded_lights(options.lights),
         origin=bundle.origin,
-        groups=None if legs is None else _parse_light_legs(legs),
+        groups=_read(_parse_light_legs, legs),
     )
     return replace(bundle, intersection_map=place), notes
 
 
-def _parse_light_legs(text: str) -> dict[str, str]:
-    """Legs by recorded lights.
+def _read(parse: Callable[[str], T], text: str | None) -> T | None:
+    """The value of an option, where it is given."""
+    return None if text is None else parse(text)
 
-    >>> _parsed_light_legs("1=east,13=walk_east")
-    {'1': 'east', '13': 'walk_east'}
-    """
-    pairs = [part.split("=", 1) for part in text.split(",")]
-    if not all(len(pair) == 2 and all(map(str.strip, pair)) for pair in pairs):
+
+def _parse_light_legs(text: str) -> dict[str, str]:
+    """Legs by recorded lights: `1=east,13=walk_east`."""
+    pairs = [[*map(str.strip, part.split("=", 1))] for part in text.split(",")]
+    if not all(len(pair) == 2 and all(pair) for pair in pairs):
         raise InputError(f"--light-legs is LIGHT=LEG,..., got {text[:60]!r}")
-    return {light.strip(): leg.strip() for light, leg in pairs}
+    return dict(pairs)
 
 
 def _fit_elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffsets, list[str]]:
     """How drivers of other places keep to their lanes, and a line on each file."""
     from scenewright.tools.fitting.lane_keeping import find_lane_offsets, measure_scale
-    from scenewright.tools.track_io.track_files import read_track_files
 
     found: dict[str, list[FloatArray]] = {}
     notes = []
@@ -331,18 +297,13 @@ def _fit_elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffse
 
 def pack_tracks(tracks: Sequence[Any]) -> bytes:
     """Up to 400 tracks in the map's frame as a file of plain arrays, for the picture."""
-    import io
-
     import numpy as np
 
     kept = list(tracks)[:: max(len(tracks) // 400, 1)]
+    lengths = np.array([len(xy) for xy in kept], dtype=np.int64)
+    points = np.concatenate([np.zeros((0, 2)), *kept]).astype(np.float32)
     buffer = io.BytesIO()
-    save: Any = np.savez_compressed
-    save(
-        buffer,
-        lengths=np.array([len(xy) for xy in kept], dtype=np.int64),
-        points=np.concatenate([np.zeros((0, 2)), *kept]).astype(np.float32),
-    )
+    np.savez_compressed(buffer, lengths=lengths, points=points)
     return buffer.getvalue()
 
 
@@ -373,11 +334,7 @@ def _rewrite_bundle(
 
 
 def parse_columns(text: str) -> dict[str, str]:
-    """Columns by our names.
-
-    >>> parsed_columns("t=frame/25,id=track,x=px,y=py,class==car")["class"]
-    '=car'
-    """
+    """Columns by our names: `t=frame/25,id=track,x=px,y=py,class==car`."""
     found = dict(part.split("=", 1) for part in text.split(",") if "=" in part)
     strange = sorted(found.keys() - {"t", "id", "class", "x", "y"})
     if strange or not found:
@@ -441,8 +398,6 @@ def _draw_paths(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]
     """By route id, paths drawn from its prior; those of jaywalkers are left out."""
     import numpy as np
 
-    from scenewright.tools.gmm_sampler import build_paths, load_priors, sample_waypoints
-
     if not (find_bundle_folder(name) / "priors.npz").is_file():
         return {}
     priors, rng = load_priors(name), np.random.default_rng(0)
@@ -481,11 +436,7 @@ _SHOWN = {"vehicle": 6, "pedestrian": 1}
 
 
 def parse_center(text: str) -> tuple[float, float]:
-    """LAT,LON (or X,Y).
-
-    >>> parsed_center("49.0053,8.4374")
-    (49.0053, 8.4374)
-    """
+    """LAT,LON (or X,Y): `49.0053,8.4374`."""
     try:
         first, second = (float(part) for part in text.split(","))
         if not (math.isfinite(first) and math.isfinite(second)):

@@ -9,17 +9,10 @@ from typing import Annotated
 import typer
 
 from scenewright.cli.batch import Out, count_cores
-from scenewright.cli.console import (
-    count,
-    format_one_line,
-    log_line,
-    show_progress,
-    write_result,
-    write_stdout,
-)
+from scenewright.cli.console import ProgressCallback, Result, count, shorten, write_stdout
 from scenewright.cli.errors import NOT_VERIFIED
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.options import Commands, Json, Quiet, argument, option
+from scenewright.cli.options import Commands, argument, option
 
 To = Annotated[
     str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
@@ -44,26 +37,16 @@ def export(
     plan: str | None = option(
         None, "Plan whose open speeds become OpenSCENARIO distributions.", metavar="F"
     ),
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Write scenes in another format; docs/exports.md describes each."""
     from scenewright.cli.verify import list_scene_files
     from scenewright.graph.export import export as write
 
     given = [each for path in scenes for each in list_scene_files(path)]
-    log_files(
-        write(given, to, Path(out), form=form, ego=ego, intersection=intersection, plan=plan),
-        scenes=len(given), to=to, out=out, as_json=as_json,
-    )  # fmt: skip
-
-
-def log_files(files: list[Path], *, scenes: int, to: str, out: str, as_json: bool) -> None:
-    """What was written: one object, or the folder on stdout and a line on stderr."""
-    if not as_json:
-        counts = f"{count(scenes, 'scene')} as {to}: {count(len(files), 'file')}"
-        log_line(format_one_line(counts))
-    facts = {"format": to, "scenes": scenes, "out": out, "files": [str(file) for file in files]}
-    write_result(facts, f"{out}\n", as_json=as_json)
+    files = write(given, to, Path(out), form=form, ego=ego, intersection=intersection, plan=plan)
+    facts = {"format": to, "scenes": len(given), "out": out, "files": list(map(str, files))}
+    counts = f"{count(len(given), 'scene')} as {to}: {count(len(files), 'file')}"
+    return Result(facts, f"{out}\n", notes=[counts])
 
 
 dataset = Commands(name="dataset", help="Datasets of scenes: check them, make the paper's.")
@@ -74,14 +57,14 @@ _SHOWN = 20
 
 @dataset.command("check")
 def check(
+    *,
     folder: Folder,
     workers: int | None = option(None, "Processes; as many as there are cores if not said.", min=1),
     public_key: str | None = option(
         None, "Demand the signature of this key of minisign, or file.", metavar="KEY"
     ),
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Recompute every hash, compare tables with scenes, run the checker over every scene.
 
     Exit code 0 if all of it holds, 1 if something does not.
@@ -96,24 +79,26 @@ def check(
             log("checking", f"{done} of {of} scenes")
         stop_if_asked()
 
-    with show_progress(quiet=quiet) as log:
-        found = audit_dataset(Path(folder), workers=workers or count_cores(), log=tell)
+    found = audit_dataset(Path(folder), workers=workers or count_cores(), log=tell)
     if unsigned is not None:
         found = replace(found, faults=(AuditFault(SIGNATURE, unsigned), *found.faults))
     about = {key: each for key, each in vars(found).items() if key != "faults"}
     counts = f"{found.files} files, {found.verified} of {found.scenes} proofs confirmed"
     text = f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n"
-    faults = [vars(fault) for fault in found.faults]
-    facts = {"ok": not faults, "folder": folder, **about, "faults": faults}
-    write_result(facts, text, as_json=as_json)
-    for fault in found.faults[:_SHOWN]:
-        log_line(format_one_line(f"{fault.where}: {fault.what}"))
-    if len(found.faults) > _SHOWN:
-        log_line(f"and {len(found.faults) - _SHOWN} more; --json has them")
-    if not found.complete and not quiet:
-        log_line("note: the dataset is not complete; the command that made it goes on with it")
-    if found.faults:
-        raise typer.Exit(NOT_VERIFIED)
+    faults = [f"{fault.where}: {fault.what}" for fault in found.faults]
+    unfinished = "note: the dataset is not complete; the command that made it goes on with it"
+    return Result(
+        {
+            "ok": not found.faults,
+            "folder": folder,
+            **about,
+            "faults": list(map(vars, found.faults)),
+        },
+        text,
+        summary=[] if found.complete else [unfinished],
+        notes=shorten(faults, _SHOWN),
+        code=NOT_VERIFIED if found.faults else 0,
+    )
 
 
 @dataset.command("key")
@@ -144,12 +129,9 @@ def export_dataset(
     out: Out,
     form: Form = None,
     ego: Ego = None,
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Write every scene of a dataset in another format; docs/exports.md describes each."""
-    from scenewright.dataset.batch.manifest import list_scenes
-    from scenewright.graph.export import export
+    from scenewright.dataset.batch.manifest import read_manifest
 
-    scenes = list_scenes(Path(folder))
-    files = export(scenes, to, Path(out), form=form, ego=ego)
-    log_files(files, scenes=len(scenes), to=to, out=out, as_json=as_json)
+    read_manifest(Path(folder))  # it is a finished dataset
+    return export(scenes=[folder], to=to, out=out, form=form, ego=ego, intersection=None, plan=None)

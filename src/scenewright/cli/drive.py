@@ -5,23 +5,22 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from functools import partial
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
 from scenewright.cli.batch import Workers, count_cores
 from scenewright.cli.console import (
+    ProgressCallback,
+    Result,
     format_columns,
     format_one_line,
     log_line,
     show_progress,
-    write_json,
-    write_stdout,
+    tell,
 )
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
-from scenewright.cli.options import Json, Quiet, TimeLimit, argument, option
+from scenewright.cli.options import Asked, Quiet, TimeLimit, argument, option
 from scenewright.cli.output_folder import fill_folder, target_folder, try_file
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.extras import describe_missing, require_extra
@@ -32,120 +31,130 @@ if TYPE_CHECKING:
     from scenewright.driving.benchmark import BenchmarkScene, Row
     from scenewright.driving.report import Report
     from scenewright.driving.scenario import Scenario
-    from scenewright.graph.run import ProgressCallback
 
 Others = Literal["replay", "reactive", "resolve"]
 Temperament = Literal["obedient", "hasty", "careless"]
 FailOn = Literal["collision", "at-fault"]
 
 
-def drive(
+@dataclass(frozen=True)
+class DriveOptions(Asked):
+    """What is driven, by whom, and what comes of it."""
+
     text_or_scene: str = argument(
         "", "What shall happen, or a scene folder.", metavar="TEXT_OR_SCENE"
-    ),
-    benchmark: bool = option(False, "Drive the 200 scenes of the benchmark instead."),
-    split: Literal["dev", "test", "all"] = option("all", "Scenes of the benchmark."),
+    )
+    benchmark: bool = option(False, "Drive the 200 scenes of the benchmark instead.")
+    split: Literal["dev", "test", "all"] = option("all", "Scenes of the benchmark.")
     policy: str = option(
         "idm",
         "replay, constant, lane-follower, idm, cautious, aggressive, learned or module:Class; "
         "with --benchmark also all.",
-    ),
-    others: Others = option("replay", "Replay; react to the ego; or are re-timed for it."),
+    )
+    others: Others = option("replay", "Replay; react to the ego; or are re-timed for it.")
     temperament: Temperament | None = option(
         None, "Of others that react; with --benchmark only scenes with it."
-    ),
-    ego: str | None = option(None, "Agent to drive, such as vehicle-1.", metavar="NAME"),
-    n: int | None = option(None, "Drives, each of a seed.", "--n", min=1),
-    seed: int = option(0, "Seed of the first drive.", min=0),
-    intersection: str = option("amsterdam_120", "Where a text happens."),
-    step_limit: float = option(5.0, "Longest a policy may take for an answer [s].", min=0.01),
-    time_limit: TimeLimit = DEFAULT_LIMIT,
+    )
+    ego: str | None = option(None, "Agent to drive, such as vehicle-1.", metavar="NAME")
+    n: int | None = option(None, "Drives, each of a seed.", "--n", min=1)
+    seed: int = option(0, "Seed of the first drive.", min=0)
+    intersection: str = option("amsterdam_120", "Where a text happens.")
+    step_limit: float = option(5.0, "Longest a policy may take for an answer [s].", min=0.01)
+    time_limit: TimeLimit = DEFAULT_LIMIT
     fail_on: FailOn | None = option(
         None, "End in 1 after a collision of the ego, or after one that is its fault."
-    ),
-    serve: str | None = option(None, "Where the ego's program connects.", metavar="HOST:PORT"),
-    workers: Workers = None,
-    out: str | None = option(None, "Folder for what was driven, as scenes.", metavar="DIR"),
-    junit: str | None = option(None, "JUnit for CI.", metavar="F.xml", check=try_file),
-    html: str | None = option(None, "Report as a page.", metavar="F.html", check=try_file),
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    )
+    serve: str | None = option(None, "Where the ego's program connects.", metavar="HOST:PORT")
+    workers: Workers = None
+    out: str | None = option(None, "Folder for what was driven, as scenes.", metavar="DIR")
+    junit: str | None = option(None, "JUnit for CI.", metavar="F.xml", check=try_file)
+    html: str | None = option(None, "Report as a page.", metavar="F.html", check=try_file)
+
+    def refuse_clashes(self) -> None:
+        """InputError where options do not go together."""
+        if self.benchmark == bool(self.text_or_scene) or (self.serve and self.out is not None):
+            raise InputError(
+                "name a text, a scene folder or --benchmark; --serve goes without --out"
+            )
+        fixed = ("others", "ego", "seed", "intersection", "time_limit")
+        wrong = [each.name for each in fields(self) if each.name in fixed
+                 and getattr(self, each.name) != each.default]  # fmt: skip
+        if self.benchmark and wrong:
+            names = " and ".join(f"--{name.replace('_', '-')}" for name in wrong)
+            raise InputError(f"the scenes of the benchmark are fixed, without {names}")
+
+
+def drive(*, asked: DriveOptions, quiet: Quiet = False) -> Result:
     """Drive the ego of a scene with a policy; docs/driving.md says what is measured."""
     from scenewright.driving.api import load_policy, load_scenario
-    from scenewright.driving.benchmark import BenchmarkScene, build_row, choose_scenes, load_listed
-    from scenewright.driving.benchmark_report import summarise, summarise_rows
+    from scenewright.driving.benchmark import (
+        BenchmarkScene,
+        build_row,
+        choose_scenes,
+        load_listed,
+        read_list,
+    )
+    from scenewright.driving.benchmark_report import (
+        summarise,
+        summarise_policies,
+        summarise_rows,
+        tabulate,
+    )
     from scenewright.driving.report import report_drive
     from scenewright.driving.run_drive import run_drive
 
-    target = None if out is None else target_folder(out, force=None)
-    if benchmark == bool(text_or_scene) or (serve is not None and out is not None):
-        raise InputError("name a text, a scene folder or --benchmark; --serve goes without --out")
-    if benchmark:
-        _refuse_given({"--others": others != "replay", "--ego": ego is not None, "--seed": seed > 0,
-                       "--intersection": intersection != "amsterdam_120",
-                       "--time-limit": time_limit != DEFAULT_LIMIT})  # fmt: skip
+    target = None if asked.out is None else target_folder(asked.out, force=None)
+    asked.refuse_clashes()
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
-    load = partial(
-        load_scenario, text_or_scene, ego=ego, intersection=intersection, time_limit=time_limit
-    )
-    temper: Temperament = temperament or "obedient"
+    setting = asked.pass_on(load_scenario)
+    how = asked.pass_on(run_drive) | {"temperament": asked.temperament or "obedient"}
     lost: dict[str, str] = {}
-    if benchmark:
-        scenes = choose_scenes(split=split, temperament=temperament, n=n)
-        rows, lost = _drive_scenes(
-            scenes, None if serve else policy, workers=workers or count_cores(),
-            step_limit=step_limit, out=target, quiet=quiet,
-        )  # fmt: skip
-        if serve is not None:
+    if asked.benchmark:
+        scenes = choose_scenes(**asked.pass_on(choose_scenes))
+        rows, lost = _drive_scenes(scenes, asked, target, quiet=quiet)
+        if asked.serve is not None:
             scenes = [scene for scene in scenes if scene.id not in lost]
-            rows = _serve_scenes(serve, scenes, load_listed, most=len(scenes), again=False)
-    elif serve is not None:
-        scenario = load(seed=seed)
-        one = BenchmarkScene(id="scene", seed=seed, others=others, temperament=temper)
-        rows = _serve_scenes(serve, [one], lambda _: scenario, most=n, again=True)
-    if benchmark or serve is not None:
-        _write_results(rows, junit=junit, html=html)
-        code = UNUSABLE if lost else _choose_exit_code(summarise_rows(rows), fail_on)
-        _print_rows(rows, {"ok": code == 0, "not_comparable": lost, "out": out}, as_json=as_json)
-        raise typer.Exit(code)
+            rows = _serve_scenes(asked.serve, scenes, load_listed, most=len(scenes), again=False)
+    elif asked.serve is not None:
+        scenario = load_scenario(**setting)
+        one = BenchmarkScene(
+            id="scene", seed=asked.seed, others=asked.others, temperament=how["temperament"]
+        )
+        rows = _serve_scenes(asked.serve, [one], lambda _: scenario, most=asked.n, again=True)
+    if asked.benchmark or asked.serve is not None:
+        _write_results(rows, asked)
+        code = UNUSABLE if lost else _choose_exit_code(summarise_rows(rows), asked.fail_on)
+        return Result(
+            {"ok": code == 0, "not_comparable": lost, "out": asked.out, "version": read_list()[0],
+             "summary": summarise_policies(rows), "drives": rows},
+            lambda: format_columns(*tabulate(rows), right=set()),
+            code=code,
+        )  # fmt: skip
 
     def drive_with(seed: int) -> Report:
-        return report_drive(run_drive(
-            load(seed=seed), driver, name=policy, others=others,
-            temperament=temper, seed=seed, step_limit=step_limit,
-        ))  # fmt: skip
+        own = {"policy": driver, "name": asked.policy, "seed": seed}
+        return report_drive(run_drive(load_scenario(**setting | {"seed": seed}), **how | own))
 
-    driver = load_policy(policy)
+    driver = load_policy(asked.policy)
     with show_progress(quiet=quiet) as log:
-        reports, failed = _drive_seeds(drive_with, range(seed, seed + (n or 1)), log)
+        seeds = range(asked.seed, asked.seed + (asked.n or 1))
+        reports, failed = _drive_seeds(drive_with, seeds, log)
         runs = len(reports)
         if runs > 1 and len({report.drive.digest for report in reports}) == 1:
             log_line(f"all {runs} drives are the same, whatever the seed: counted as one")
             reports = reports[:1]
         if target is not None:
             _save(reports, target)
-    rows = [build_row(report, scene=f"seed {report.drive.seed}") for report in reports]
-    _write_results(rows, junit=junit, html=html)
+    _write_results([build_row(each, scene=f"seed {each.drive.seed}") for each in reports], asked)
     summary = summarise(reports)
-    code = _choose_exit_code(summary, fail_on)
-    if as_json:
-        write_json({
-            "ok": code == 0, "n": len(reports), "runs": runs, "summary": summary, "out": out,
-            "not_made": failed, "drives": [report.to_json() for report in reports],
-        })  # fmt: skip
-    else:
-        for report in reports:
-            log_line(format_one_line(_describe(report)))
-        for key, value in summary.items():
-            write_stdout(f"{key.replace('_', ' ')}: {_format(value)}\n")
-    raise typer.Exit(code)
-
-
-def _refuse_given(options: dict[str, bool]) -> None:
-    """InputError where an option is given that the benchmark's list of scenes sets."""
-    if wrong := [name for name, is_given in options.items() if is_given]:
-        raise InputError(f"the scenes of the benchmark are fixed, without {' and '.join(wrong)}")
+    code = _choose_exit_code(summary, asked.fail_on)
+    return Result(
+        {"ok": code == 0, "n": len(reports), "runs": runs, "summary": summary, "out": asked.out,
+         "not_made": failed, "drives": [report.to_json() for report in reports]},
+        "".join(f"{key.replace('_', ' ')}: {_format(value)}\n" for key, value in summary.items()),
+        notes=map(_describe, reports),
+        code=code,
+    )  # fmt: skip
 
 
 def _choose_exit_code(summary: dict[str, Any], fail_on: FailOn | None) -> int:
@@ -200,23 +209,23 @@ def _save(reports: list[Report], target: Path) -> None:
 
 
 def _drive_scenes(
-    scenes: Sequence[BenchmarkScene], policy: str | None, *, workers: int, step_limit: float,
-    out: Path | None, quiet: bool,
-) -> tuple[list[Row], dict[str, str]]:  # fmt: skip
-    """As `drive_benchmark`, with one policy or `all` built-in ones; None: scenes are only made."""
+    scenes: Sequence[BenchmarkScene], asked: DriveOptions, out: Path | None, *, quiet: bool
+) -> tuple[list[Row], dict[str, str]]:
+    """As `drive_benchmark`, with one policy or `all` built-in ones; to be served only made."""
     from scenewright.driving.api import load_policy
     from scenewright.driving.benchmark import drive_benchmark
     from scenewright.driving.policies import BUILT_IN
 
-    names = [] if policy is None else [*BUILT_IN] if policy == "all" else [policy]
+    names = [*BUILT_IN] if asked.policy == "all" else [asked.policy]
+    names = [] if asked.serve else names
     for name in names:
         load_policy(name)  # what cannot be loaded is said before anything is driven
     with show_progress(quiet=quiet) as log, fill_folder(out) if out else nullcontext() as part:
         rows, lost = drive_benchmark(
-            scenes, names, workers=workers, step_limit=step_limit, out=part, log=log
-        )
-    for why in lost.values():
-        log_line(format_one_line(why))
+            scenes, names, workers=asked.workers or count_cores(), step_limit=asked.step_limit,
+            out=part, log=log,
+        )  # fmt: skip
+    tell(lost.values())
     if len(lost) == len(scenes):
         raise InputError("none of the scenes can be used")
     return rows, lost
@@ -245,27 +254,15 @@ def _serve_scenes(
     return server.rows
 
 
-def _write_results(rows: Sequence[Row], *, junit: str | None, html: str | None) -> None:
+def _write_results(rows: Sequence[Row], asked: DriveOptions) -> None:
     """Write the files that the options name."""
     from scenewright.dataset.tables.junit import build_junit
     from scenewright.driving.benchmark_report import build_page, list_test_cases
 
-    if junit is not None:
-        write_atomically(junit, build_junit(list_test_cases(rows)))
-    if html is not None:
-        write_atomically(html, build_page(rows))
-
-
-def _print_rows(rows: list[Row], said: dict[str, Any], *, as_json: bool) -> None:
-    """A line for each policy; or everything as JSON, with what else is said."""
-    from scenewright.driving.benchmark import read_list
-    from scenewright.driving.benchmark_report import summarise_policies, tabulate
-
-    if as_json:
-        told = {"version": read_list()[0], "summary": summarise_policies(rows), "drives": rows}
-        write_json(said | told)
-    else:
-        write_stdout(format_columns(*tabulate(rows), right=set()))
+    if asked.junit is not None:
+        write_atomically(asked.junit, build_junit(list_test_cases(rows)))
+    if asked.html is not None:
+        write_atomically(asked.html, build_page(rows))
 
 
 def _describe(report: Report) -> str:

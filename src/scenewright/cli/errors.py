@@ -58,15 +58,18 @@ def to_cli_error(error: BaseException) -> CliError:
     if isinstance(error, KeyboardInterrupt) or has_stop_signal():
         code = TERMINATED if has_terminate_signal() else INTERRUPTED
         return CliError("interrupted", code, "interrupted; nothing was written")
+    # What models were asked until then, if any were.
+    asked = dict(error.models) if isinstance(error, ScenewrightError) else {}
+    costs = {"models": asked} if asked else {}
     match error:
         case Unsatisfiable():
-            return _describe_unsatisfiable(error)
+            return _describe_unsatisfiable(error, costs)
         case BackendFault():
             reason = format_one_line(str(error))
-            return CliError("backend_failed", error.exit_code, reason, _build_costs(error))
+            return CliError("backend_failed", error.exit_code, reason, costs)
         case InputError():
             reason = "\n".join(map(format_one_line, error.lines))
-            return CliError("unusable_input", UNUSABLE, reason, _build_costs(error))
+            return CliError("unusable_input", UNUSABLE, reason, costs)
         case MemoryError():
             return CliError("out_of_memory", UNUSABLE, "there is not enough memory for this")
         case OSError():
@@ -82,7 +85,7 @@ def to_cli_error(error: BaseException) -> CliError:
     return CliError("internal_error", INTERNAL, format_one_line(line))
 
 
-def _describe_unsatisfiable(error: Unsatisfiable) -> CliError:
+def _describe_unsatisfiable(error: Unsatisfiable, costs: dict[str, Any]) -> CliError:
     codes = [each.code for each in error.rejections]
     advice = _ADVICE.get(codes[-1]) if codes else None
     if isinstance(error, OutOfTime):
@@ -90,15 +93,10 @@ def _describe_unsatisfiable(error: Unsatisfiable) -> CliError:
     details: dict[str, Any] = {
         "advice": advice,
         "rejections": [each.model_dump(mode="json") for each in error.rejections],
-        **_build_costs(error),
+        **costs,
     }
     reason = format_one_line(str(error))
     if advice is not None and not reason.endswith((".", "!", "?")):
         reason += "."
     line = reason if advice is None else f"{reason} {advice}"
     return CliError("unsatisfiable", error.exit_code, line, details)
-
-
-def _build_costs(error: ScenewrightError) -> dict[str, Any]:
-    """What models were asked until then, if any were."""
-    return {"models": dict(error.models)} if error.models else {}

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenewright.cli.console import (
-    format_columns,
-    format_one_line,
-    log_line,
-    show_progress,
-    write_result,
-    write_stdout,
-)
+from scenewright.cli.console import ProgressCallback, Result, format_columns, format_one_line
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.options import BoardOptions, Commands, Json, Quiet, argument, option
+from scenewright.cli.options import BoardOptions, Commands, argument, option
 from scenewright.cli.output_folder import try_folder, write_report
 from scenewright.errors import InputError
 
@@ -29,6 +23,7 @@ evals = Commands(name="evals", help="Benchmarks of the parts on data of your own
 
 @evals.command("trajnet")
 def score_trajnet(
+    *,
     files: list[str] = argument(..., "TrajNet++ recordings, .ndjson.", metavar="FILE..."),
     weights: str | None = option(
         None, "The refiner's weights, .safetensors; constant velocity alone without."
@@ -36,9 +31,8 @@ def score_trajnet(
     out: str | None = option(
         None, "Folder for the predictions in the benchmark's format.", check=try_folder
     ),
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Score predicted pedestrians as TrajNet++ does: ADE, FDE, Col-I and Col-II by type of scene.
 
     The refiner predicts without goals, given each pedestrian's destination, and given where it is
@@ -52,19 +46,17 @@ def score_trajnet(
             "learn", "predicting the benchmark", "torch", otherwise="score without --weights"
         )
     recordings = read_recordings(files)
-    with show_progress(quiet=quiet) as log:
-        evaluated = evaluate(
-            recordings,
-            weights=None if weights is None else Path(weights),
-            log=lambda line: log("predicting", line),
-        )
+    evaluated = evaluate(
+        recordings,
+        weights=None if weights is None else Path(weights),
+        log=partial(log, "predicting"),
+    )
     if out is not None:
         write_predictions(Path(out), recordings, evaluated)
-    if not evaluated[0].rows:
-        log_line("note: no file holds what really happened, so there is nothing to score")
     text = "".join(format_scores(each) for each in evaluated if each.rows) or f"{out or ''}\n"
-    results = [each.to_json() for each in evaluated]
-    write_result({"files": files, "out": out, "results": results}, text, as_json=as_json)
+    facts = {"files": files, "out": out, "results": [each.to_json() for each in evaluated]}
+    none = "note: no file holds what really happened, so there is nothing to score"
+    return Result(facts, text, notes=[] if evaluated[0].rows else [none])
 
 
 def read_recordings(files: Iterable[str]) -> list[BenchmarkRecording]:
@@ -125,6 +117,7 @@ def format_scores(evaluated: Evaluated) -> str:
 
 @evals.command("realism")
 def score_realism(
+    *,
     sets: list[str] = argument(
         ...,
         "Folders of scenes, also of a batch, or files of tracks; NAME=PATH names one.",
@@ -142,9 +135,8 @@ def score_realism(
         None, "Folder for realism.md, realism.json and realism.png.", check=try_folder
     ),
     seed: int = option(0, "Of splits and resamplings.", min=0),
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Judge how real the motion of scenes is, against recordings of real traffic.
 
     A classifier's two-sample test with its floors, speeds kept, headways, companions, reactions,
@@ -165,21 +157,20 @@ def score_realism(
     every = (*judged, *beside, *([simulated] if simulated else []))
     names = [each.name for each in every]
     check_distinct(names, "data sets are called", "name one with NAME=PATH")
-    with show_progress(quiet=quiet) as log:
-        report = assess(
-            judged,
-            beside,
-            corpus=simulated,
-            mass_of=lambda place, hour: load_priors(place).counts[hour].mass,
-            ground_of=load_map,
-            seed=seed,
-            log=lambda line: log("judging", line),
-        )
+    report = assess(
+        judged,
+        beside,
+        corpus=simulated,
+        mass_of=lambda place, hour: load_priors(place).counts[hour].mass,
+        ground_of=load_map,
+        seed=seed,
+        log=partial(log, "judging"),
+    )
     page, facts = report.format_markdown(), report.to_json()
     if out is not None:
         target = write_report(out, "realism", page, facts)
         write_atomically(target / "realism.png", draw_assessment(report))
-    write_result({"out": out, **facts}, page, as_json=as_json)
+    return Result({"out": out, **facts}, page)
 
 
 def score_satisfaction(
@@ -194,16 +185,14 @@ def score_satisfaction(
         "amsterdam_120", "Map of submitted tracks; a scene.json names its own."
     ),
     entry: BoardOptions,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """How many instructions of other people are satisfied by scenes of any program.
 
     490 labelled instructions by writers who had seen no planner. First `--rows F.jsonl` writes
     them; then DIR is judged from its tracks alone: the events that the checker finds, between
     agents that come from, go to and cross what the label says, and nothing else.
     """
-    from scenewright.evals.leaderboard import enter_leaderboard
     from scenewright.evals.planning import load
     from scenewright.evals.satisfaction import judge as judging
     from scenewright.files import write_atomically
@@ -215,22 +204,17 @@ def score_satisfaction(
         own = ({"id": row["id"], "text": row["text"]} for row in labelled)
         lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in own)
         write_atomically(rows, lines.encode("utf-8"))
-        write_stdout(f"{rows}: {len(labelled)} rows\n")
-        return
-    with show_progress(quiet=quiet) as log:
-        verdicts = []
-        for done, row in enumerate(labelled, start=1):
-            found = judging.read_submission(Path(str(folder)), row["id"], intersection=intersection)
-            verdicts.append(judging.judge(row, found))
-            if done % 50 == 0:
-                log("judging", f"{done} of {len(labelled)} instructions")
-            stop_if_asked()
+        return Result({"rows": rows}, f"{rows}: {len(labelled)} rows\n")
+    verdicts = []
+    for done, row in enumerate(labelled, start=1):
+        found = judging.read_submission(Path(str(folder)), row["id"], intersection=intersection)
+        verdicts.append(judging.judge(row, found))
+        if done % 50 == 0:
+            log("judging", f"{done} of {len(labelled)} instructions")
+        stop_if_asked()
     if all(each.outcome.endswith("refused") for each in verdicts):
         raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
     shares = judging.count_verdicts(verdicts, labelled)
     figures = {name: share.to_json() for name, share in shares.items()}
-    page = enter_leaderboard(Path(entry.board), str(entry.name), figures) if entry.board else None
     facts = {"folder": folder, **figures, "verdicts": [vars(each) for each in verdicts]}
-    write_result(facts, judging.to_markdown(shares, verdicts), as_json=as_json)
-    if page is not None:
-        log_line(f"written: {entry.board}, {page}")
+    return Result(facts, judging.to_markdown(shares, verdicts), notes=entry.enter(figures))

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenewright.cli.console import (
-    count,
-    format_columns,
-    format_one_line,
-    log_line,
-    write_result,
-)
+from scenewright.cli.console import Result, count, format_columns, format_one_line
 from scenewright.cli.errors import UNUSABLE
-from scenewright.cli.options import Json, argument, option
+from scenewright.cli.options import Asked, argument, option
 from scenewright.cli.output_folder import try_file, try_folder
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.files import write_atomically
@@ -26,50 +18,50 @@ from scenewright.files import write_atomically
 if TYPE_CHECKING:
     from scenewright.graph.find import Hit
 
-LIMIT = 100
-"""Hits that a search stops at, unless told otherwise."""
+
+@dataclass(frozen=True)
+class Search(Asked):
+    """In which recordings something is looked for."""
+
+    paths: list[str] = argument(
+        ..., "What `verify` reads: files, folders, patterns.", metavar="TRACKS..."
+    )
+    intersection: str | None = option(
+        None, "The map of the tracks, in their frame.", "--intersection", "--map"
+    )
+    limit: int = option(100, "Most hits.", min=1)
+    lenient: bool = option(False, "Count hits of which something cannot be tested.")
 
 
 def find(
+    *,
     query: str = argument(..., "What happens, or a plan as a .yaml file."),
-    paths: list[str] = argument(
-        ..., "What `verify` reads: files, folders, patterns.", metavar="TRACKS..."
-    ),
-    intersection: str | None = option(
-        None, "The map of the tracks, in their frame.", "--intersection", "--map"
-    ),
+    asked: Search,
     out: str | None = option(
         None, "Folder for a clip of every hit; needs a map.", check=try_folder
     ),
     vary: str | None = option(
         None, "Write the best hit as a plan to vary.", metavar="F", check=try_file
     ),
-    limit: int = option(LIMIT, "Most hits.", min=1),
-    lenient: bool = option(False, "Count hits of which something cannot be tested."),
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Find what a text or a plan asks for in recordings: who, when, and what was measured."""
     from scenewright.graph.find import format_variation, save_clip
 
-    found = search(query, paths, intersection, limit=limit, lenient=lenient)
-    for note in found.notes:
-        log_line(f"note: {note}")
-    clips: list[str] = []
+    found = search(query, asked)
+    clips = []
     if out is not None:
         for n, hit in enumerate(found.hits, start=1):
             clips.append(str(save_clip(hit, Path(out) / f"{n:03}")))
     if vary is not None and found.hits:
         best = min(found.hits, key=lambda hit: len(hit.untested))
         write_atomically(Path(vary), format_variation(best).encode())
-    write_result(found.to_json() | {"clips": clips}, _format_hits(found.hits), as_json=as_json)
+    notes = [f"note: {note}" for note in found.notes]
     if found.doubtful:
-        reasons = format_one_line("; ".join(found.doubtful[0].untested))
         more = f"{len(found.doubtful)} more in part not tested"
-        log_line(f"{more}, which --lenient lists: {reasons}")
-    for each in found.unusable:
-        log_line(f"scenewright: {each}")
-    if found.unusable:
-        raise typer.Exit(UNUSABLE)
+        notes += [f"{more}, which --lenient lists: {'; '.join(found.doubtful[0].untested)}"]
+    notes += [f"scenewright: {each}" for each in found.unusable]
+    facts, code = found.to_json() | {"clips": clips}, UNUSABLE if found.unusable else 0
+    return Result(facts, _format_hits(found.hits), notes=notes, code=code)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,15 +85,8 @@ class Found:
         return {"ok": not self.unusable, **own}
 
 
-def search(
-    query: str | Mapping[str, Any],
-    paths: Sequence[str],
-    intersection: str | None = None,
-    *,
-    limit: int = LIMIT,
-    lenient: bool = False,
-) -> Found:
-    """The hits of a text, a plan file or the fields of a plan in all files, at most `limit`.
+def search(query: str | Mapping[str, Any], asked: Search) -> Found:
+    """The hits of a text, a plan file or the fields of a plan in all files, at most so many.
 
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`; some of it cannot be tested there.
@@ -109,18 +94,19 @@ def search(
     from scenewright.cli.verify import list_scene_files
     from scenewright.graph.find import find_hits, list_untestable, load_sources, read_query
 
-    asked, found = read_query(query, intersection=intersection), Found()
-    for path in (own for each in paths for own in sorted(glob.glob(each)) or [each]):
+    place, limit, lenient = asked.intersection, asked.limit, asked.lenient
+    wanted, found = read_query(query, intersection=place), Found()
+    for path in (own for each in asked.paths for own in sorted(glob.glob(each)) or [each]):
         try:
             for source in (
-                own for file in list_scene_files(path) for own in load_sources(file, intersection)
+                own for file in list_scene_files(path) for own in load_sources(file, place)
             ):
                 for note in source.tracks.notes:
                     found.notes.append(format_one_line(f"{source.path}: {note}"))
-                if not lenient and (missing := "; ".join(list_untestable(asked, source))):
+                if not lenient and (missing := "; ".join(list_untestable(wanted, source))):
                     say = f"{source.path}: not to be tested there: {missing}"
                     raise Unsatisfiable(f"{say}; --lenient looks for the rest")
-                for hit in find_hits(asked, source):
+                for hit in find_hits(wanted, source):
                     (found.doubtful if hit.untested and not lenient else found.hits).append(hit)
                     if len(found.hits) == limit:
                         found.notes.append(f"these are the first {limit}; --limit N finds more")

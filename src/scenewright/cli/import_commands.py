@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
-from scenewright.cli.console import (
-    format_one_line,
-    log_line,
-    show_progress,
-    write_result,
-    write_stdout,
-)
+from scenewright.cli.console import ProgressCallback, Result, write_stdout
 from scenewright.cli.options import (
     Commands,
     FitOptions,
     ImportOptions,
-    Json,
-    Quiet,
     TrainOptions,
     argument,
     option,
@@ -35,15 +25,13 @@ def import_map_file(
     *,
     file: str = argument(..., "OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml."),
     options: ImportOptions,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Make an intersection of your own from a map file: scenes can be made there at once."""
     from scenewright.cli.custom_intersections import import_file, import_text
 
-    with show_progress(quiet=quiet) as log:
-        facts = import_file(file, options, log=log)
-    _print_facts(facts, () if quiet else import_text(facts), as_json=as_json)
+    facts = import_file(file, options, log=log)
+    return Result(facts, f"{facts['folder']}\n", summary=import_text(facts))
 
 
 @intersections.command("junctions")
@@ -51,8 +39,7 @@ def show_junctions(
     file: str = argument(..., "A map file; see `import`."),
     street: list[str] | None = option(None, "Only junctions of this street.", metavar="NAME"),
     png: str | None = option(None, "Draw a map of them, by their ids, to a PNG.", metavar="FILE"),
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """List the junctions of a map file, to choose one for `import`."""
     from scenewright.cli.intersections import describe, draw_list, format_rows, list_rows
 
@@ -60,7 +47,7 @@ def show_junctions(
     if png is not None:
         draw_list(file, found, roads, png)
     facts = {"file": file, "junctions": list(map(describe, found))}
-    write_result(facts, format_rows(found), as_json=as_json)
+    return Result(facts, format_rows(found))
 
 
 @intersections.command("export")
@@ -90,6 +77,7 @@ def export_map(
 
 @intersections.command("simulate")
 def simulate(
+    *,
     name: str = argument(..., "Its name."),
     minutes: int = option(20, "How much traffic [min].", min=10, max=240),
     seed: int = option(0, "Seed of the simulation.", min=0),
@@ -97,18 +85,16 @@ def simulate(
     corpus: str | None = option(
         None, "An .npz to keep the tracks in, for `train --others`.", metavar="F"
     ),
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Simulate traffic at an imported intersection, fit its priors, train its refiner.
 
     Needs the extra `simulate`.
     """
     from scenewright.cli.custom_intersections import simulate_own
 
-    with show_progress(quiet=quiet) as log:
-        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log, corpus=corpus)
-    _print_facts(facts, (), as_json=as_json)
+    facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log, corpus=corpus)
+    return Result(facts, f"{facts['folder']}\n")
 
 
 @intersections.command("fit")
@@ -121,24 +107,22 @@ def fit(
         metavar="TRACKS...",
     ),
     options: FitOptions,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Fit an imported intersection's priors on recorded tracks, few or many."""
     from scenewright.cli.custom_intersections import fit_own, fit_text
 
-    with show_progress(quiet=quiet) as log:
-        facts = fit_own(name, tracks, options, log=log)
-    _print_facts(facts, () if quiet else fit_text(facts), as_json=as_json)
+    facts = fit_own(name, tracks, options, log=log)
+    return Result(facts, f"{facts['folder']}\n", summary=fit_text(facts))
 
 
 @intersections.command("list")
-def list_all(as_json: Json = False) -> None:
+def list_all() -> Result:
     """List the intersections there are."""
     from scenewright.cli.intersections import format_intersections, summarize_intersections
 
     rows = summarize_intersections()
-    write_result({"intersections": rows}, format_intersections(rows), as_json=as_json)
+    return Result({"intersections": rows}, format_intersections(rows))
 
 
 @intersections.command("show")
@@ -147,8 +131,7 @@ def show_one(
     png: str | None = option(None, "Draw the map to this file.", metavar="F"),
     samples: bool = option(False, "In the picture, paths drawn from the priors too."),
     rrd: str | None = option(None, "Write it as a recording for the rerun viewer.", metavar="F"),
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Say what an intersection has: legs, movements, crosswalks, signals."""
     from scenewright.cli.intersections import describe_intersection, format_intersection
 
@@ -162,7 +145,7 @@ def show_one(
         if rrd is not None:
             record_own(rrd, name)
             facts["rrd"] = rrd
-    write_result(facts, format_intersection(facts), as_json=as_json)
+    return Result(facts, format_intersection(facts))
 
 
 @intersections.command("train")
@@ -170,19 +153,10 @@ def train(
     *,
     name: str = argument(..., "Its name."),
     options: TrainOptions,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Train an intersection's refiner; started again after a kill, it goes on where it was."""
     from scenewright.cli.refiners import train_refiner
 
-    with show_progress(quiet=quiet) as log:
-        made = train_refiner(name, options, log=log)
-    write_result({"name": name, **made}, f"{made['folder']}\n", as_json=as_json)
-
-
-def _print_facts(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: bool) -> None:
-    """Remarks to people; then the facts as one object, or just where the bundle is."""
-    for line in lines:
-        log_line(format_one_line(line))
-    write_result(facts, f"{facts['folder']}\n", as_json=as_json)
+    made = train_refiner(name, options, log=log)
+    return Result({"name": name, **made}, f"{made['folder']}\n")

@@ -24,8 +24,6 @@ from scenewright.tools.map_import.junction_choice import find_streets
 
 def summarize_intersections() -> list[dict[str, Any]]:
     """A few facts on every bundle; a broken one is listed with what is wrong."""
-    from scenewright.errors import InputError
-
     rows: list[dict[str, Any]] = []
     for name in list_intersections():
         try:

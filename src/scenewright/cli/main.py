@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from difflib import get_close_matches
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -26,39 +26,30 @@ from scenewright.cli.catalogue import catalogue
 from scenewright.cli.chat_commands import memory, open_chat, serve_mcp
 from scenewright.cli.console import (
     ReaderGoneError,
+    Result,
     abandon_stdout,
-    format_one_line,
     log_line,
-    show_progress,
     write_json,
-    write_result,
     write_stdout,
 )
 from scenewright.cli.coverage import show_coverage
 from scenewright.cli.dataset import dataset, export
 from scenewright.cli.drive import drive
-from scenewright.cli.errors import (
-    INTERRUPTED,
-    NOT_VERIFIED,
-    READER_GONE,
-    UNUSABLE,
-    to_cli_error,
-)
+from scenewright.cli.errors import INTERRUPTED, READER_GONE, to_cli_error
 from scenewright.cli.evals import evals, score_satisfaction
 from scenewright.cli.find import find
 from scenewright.cli.import_commands import intersections
 from scenewright.cli.interrupts import get_note, watch_signals
-from scenewright.cli.make import MakeOptions, make_scene, read_request
-from scenewright.cli.options import Commands, Json, ModelOptions, Quiet, argument, option
+from scenewright.cli.make import make
+from scenewright.cli.options import Commands, Json, ModelOptions, argument, option
 from scenewright.cli.output_folder import try_file
 from scenewright.cli.planner import planner
 from scenewright.cli.serve import serve
 from scenewright.cli.tables import print_tables
 from scenewright.cli.understanding import score_understanding
-from scenewright.cli.views import ViewKind
+from scenewright.cli.views import show
 from scenewright.cli.warm import check_installation, warm
-from scenewright.errors import InputError
-from scenewright.files import is_plan_file
+from scenewright.files import is_plan_file, write_atomically
 from scenewright.graph.collector import HARDLY_EVER
 
 app = Commands(
@@ -89,6 +80,8 @@ app.command()(export)
 app.command()(find)
 app.command()(drive)
 app.command()(warm)
+app.command()(make)
+app.command()(show)
 app.add_typer(planner)
 
 
@@ -103,32 +96,6 @@ def _start(
         write_stdout(f"scenewright {scenewright.__version__}\n")
     elif context.invoked_subcommand is None:
         write_stdout(context.get_help() + "\n")
-
-
-@app.command()
-def make(
-    *,
-    text: str = argument(..., "What shall happen, or a plan as a .yaml file; `-` is stdin."),
-    options: MakeOptions,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Make a verified scene from an instruction or a plan and write it to a folder."""
-    asked, backend = read_request(text), options.model.load()
-    with show_progress(quiet=quiet) as log:
-        made = make_scene(
-            asked, options, backend, log=log, answer=(lambda _: None) if quiet else _log_summary
-        )
-    for warning in made.warnings:
-        log_line(f"warning: {warning}")
-    if not quiet:
-        _log_summary([f"  {made.folder}: {', '.join(made.files)}"])
-    write_result(made.to_json(), f"{made.folder}\n", as_json=as_json)
-
-
-def _log_summary(lines: list[str]) -> None:
-    for line in lines:
-        log_line(("  " if line.startswith(" ") else "") + format_one_line(line))
 
 
 @app.command()
@@ -148,45 +115,40 @@ def plan(
     ),
     schema: bool = option(False, "Write the JSON Schema of plan files, for editors."),
     as_json: Json = False,
-) -> None:
+) -> Result:
     """Read instructions, one JSON row each, and write what was understood, one row each.
 
     Or write the plan of one text as YAML, or check such a file.
     """
-    from scenewright.backends import Call
-    from scenewright.cli.plan import (
-        check_plan_file,
-        format_osc_dsl,
-        format_plan_of_text,
-        format_plan_schema,
-        plan_all,
-        read_rows,
-        sum_costs,
-        write_text,
-    )
-    from scenewright.intersections import load_map
+    from scenewright.cli import plan as planning
+
+    def deliver(text: str, facts: dict[str, Any], *notes: str) -> Result:
+        data = text.encode("utf-8", "backslashreplace")
+        if out != "-":
+            write_atomically(out, data)
+            return Result({"out": out, **facts}, f"{out}\n" if facts else "", notes=notes)
+        return Result({"out": out, **facts}, data.decode(), notes=notes)
 
     if as_json and out == "-" and not is_plan_file(rows):
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     backend = model.load()
-    if schema or as_yaml or as_osc:
-        write = format_osc_dsl if as_osc else format_plan_of_text
-        write_text(out, format_plan_schema() if schema else write(rows, backend, intersection))
-        return
+    if schema:
+        from scenewright.scene.plan_file import build_plan_schema
+
+        return deliver(json.dumps(build_plan_schema(), indent=1, ensure_ascii=False) + "\n", {})
+    if as_yaml or as_osc:
+        return deliver(planning.format_plan_of(rows, backend, intersection, osc=as_osc), {})
     if is_plan_file(rows):
-        checked = check_plan_file(rows, intersection)
-        write_result(checked, f"{checked['file']}: {checked['summary']}\n", as_json=as_json)
-        return
-    calls: list[Call] = []
-    intersection_map = None if intersection is None else load_map(intersection)
-    planned = plan_all(read_rows(rows), backend, calls, intersection_map=intersection_map)
-    write_text(out, "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in planned))
+        checked = planning.check_plan_file(rows, intersection)
+        return Result(checked, f"{checked['file']}: {checked['summary']}\n")
+    planned, paid = planning.plan_all(planning.read_rows(rows), backend, intersection)
     refused = sum(row["refused"] for row in planned)
-    paid = sum_costs(calls)
     cost = "".join(f", {count} {name.replace('_', ' ')}" for name, count in paid.items())
-    log_line(f"{len(planned)} rows, {refused} refused{cost}")
-    facts = {"rows": len(planned), "refused": refused, "out": out, **paid}
-    write_result(facts, "" if out == "-" else f"{out}\n", as_json=as_json)
+    return deliver(
+        "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in planned),
+        {"rows": len(planned), "refused": refused, **paid},
+        f"{len(planned)} rows, {refused} refused{cost}",
+    )
 
 
 @app.command()
@@ -200,67 +162,14 @@ def verify(
     strict: bool = option(
         False, "Demand a proof.json that names the digest of the whole scene.json."
     ),
-    as_json: Json = False,
-) -> None:
+) -> Result:
     """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable.
 
     Of tracks made elsewhere, a CSV or TrajNet++ ndjson, every event is listed.
     """
-    from scenewright.cli.verify import (
-        Checked,
-        build_object,
-        check_paths,
-        is_good,
-        list_notes,
-        report,
-    )
+    from scenewright.cli.verify import check_paths, report
 
-    checked = check_paths(paths, intersection=intersection, strict=strict)
-    unusable = [each for each in checked if isinstance(each, Checked) and each.error is not None]
-    good = all(is_good(each) for each in checked)
-    if as_json:
-        write_json(build_object(checked))
-    elif len(unusable) < len(checked):
-        write_stdout(report(checked))
-    for note in list_notes(checked):
-        log_line(f"note: {note}")
-    for each in unusable:
-        log_line(f"scenewright: {each.error}")
-    if not good:
-        raise typer.Exit(UNUSABLE if unusable else NOT_VERIFIED)
-
-
-@app.command()
-def show(
-    scenes: list[str] = argument(
-        ...,
-        "A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
-        metavar="SCENE...",
-    ),
-    png: str | None = option(
-        None, "Write a picture; of several scenes contact sheets.", metavar="F"
-    ),
-    html: str | None = option(
-        None, "Write a page that plays and explains it, to share.", metavar="F"
-    ),
-    gif: str | None = option(None, "Write an animation.", metavar="F"),
-    mp4: str | None = option(None, "Write a video (extra `video`, or ffmpeg).", metavar="F"),
-    whole: bool = option(False, "Animations go on to the end of the scene."),
-) -> None:
-    """Open a scene's recording in the rerun viewer, or write its views to files."""
-    asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
-    wanted = {kind: name for kind, name in asked.items() if name is not None}
-    if wanted:
-        from scenewright.cli.views import write_views
-
-        written = write_views(scenes, wanted, whole=whole)
-        write_stdout("".join(f"{name}\n" for name in written))
-        return
-    from scenewright.viz.recording import open_recording
-
-    if len(scenes) > 1:
-        raise InputError("one recording is opened at a time; --png F draws several scenes")
-    open_recording(scenes[0])
+    return report(check_paths(paths, intersection=intersection, strict=strict))
 
 
 _PREFIX = "SCENEWRIGHT_"

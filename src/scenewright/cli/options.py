@@ -1,18 +1,30 @@
-"""Options of commands: each a parameter, or a field of a dataclass that several commands take.
+"""Requests: each option is declared once, and read by the command line, the tools and the page.
 
-They are dataclasses, not models of pydantic, as `--help` is to be there before pydantic is loaded.
+They are dataclasses, which pydantic reads where a tool or the page needs it: `--help` is to be
+there before pydantic is loaded.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, is_dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
+from pathlib import Path
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    get_args,
+    get_type_hints,
+)
 
 import typer
 
+from scenewright.cli.console import Result, show_progress, show_result
 from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
 from scenewright.time_limit import DEFAULT_LIMIT
@@ -20,7 +32,7 @@ from scenewright.time_limit import DEFAULT_LIMIT
 if TYPE_CHECKING:
     from scenewright.backends import Backend
 
-CommandT = TypeVar("CommandT", bound=Callable[..., None])
+CommandT = TypeVar("CommandT", bound=Callable[..., Any])
 
 
 def option(default: Any, help: str, *names: str, check: Any = None, **more: Any) -> Any:
@@ -40,11 +52,30 @@ def argument(default: Any, help: str, *, check: Any = None, **more: Any) -> Any:
 
 
 def _describe(default: Any, info: Any) -> Any:
-    return field(default=MISSING if default is ... else default, metadata={"info": info})
+    told = {"description": info.help, "ge": info.min, "le": info.max}  # as pydantic reads them
+    metadata = {key: each for key, each in told.items() if each is not None}
+    return field(default=MISSING if default is ... else default, metadata=metadata | {"info": info})
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A request; pydantic refuses what is no field, or of another type."""
+
+    __pydantic_config__: ClassVar[Any] = {"extra": "forbid", "strict": True}
+
+    def pass_on(self, to: Callable[..., Any]) -> dict[str, Any]:
+        """The options that a function takes, by name; those of requests within it as well."""
+        taken, found = inspect.signature(to).parameters, dict[str, Any]()
+        for name, each in vars(self).items():
+            if isinstance(each, Asked):
+                found |= each.pass_on(to)
+            elif name in taken:
+                found[name] = each
+        return found
 
 
 @dataclass(frozen=True)
@@ -58,19 +89,49 @@ class BoardOptions:
         if (self.board is None) != (self.name is None):
             raise InputError("--board and --name go together: which page, and under what name")
 
+    def enter(self, figures: Mapping[str, Any], **more: Any) -> list[str]:
+        """Enters figures where a board is named; what is said of it (see `enter_leaderboard`)."""
+        if self.board is None:
+            return []
+        from scenewright.evals.leaderboard import enter_leaderboard
+
+        page = enter_leaderboard(Path(self.board), str(self.name), figures, **more)
+        return [f"written: {self.board}, {page}"]
+
 
 class Commands(typer.Typer):
-    """A group of commands, whose parameters may be dataclasses: each field is then an option."""
+    """A group of commands, whose parameters may be dataclasses: each field is then an option.
+
+    A command that returns a `Result` has --json, one that takes a `log` has --quiet.
+    """
 
     def command(self, name: str | None = None, **more: Any) -> Callable[[CommandT], CommandT]:
         """Adds a function as a command, and returns it as it is."""
 
         def add(command: CommandT) -> CommandT:
+            own = list(list_parameters(command, _describe_to_typer))
+            logs = "log" in inspect.signature(command).parameters
+            answer = _get_hints(command).get("return")
+            shows = Result in (answer, *get_args(answer))
+            for each, hint, is_asked in (("quiet", Quiet, logs), ("as_json", Json, shows)):
+                if is_asked and each not in [parameter.name for parameter in own]:
+                    kind = inspect.Parameter.KEYWORD_ONLY
+                    own.append(inspect.Parameter(each, kind, default=False, annotation=hint))
+
             def run(**values: Any) -> None:
-                command(**_collect(command, values))
+                quiet = values.get("quiet", False)
+                if logs:
+                    with show_progress(quiet=quiet) as log:
+                        result = command(**collect(command, values | {"log": log}))
+                else:
+                    result = command(**collect(command, values))
+                if result is not None:
+                    show_result(result, quiet=quiet, as_json=values["as_json"])
+                    if result.code:
+                        raise typer.Exit(result.code)
 
             run.__doc__, run.__name__, run.__annotations__ = command.__doc__, command.__name__, {}
-            run.__signature__ = inspect.Signature(list(_list_parameters(command)))  # type: ignore[attr-defined]
+            run.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]
             super(Commands, self).command(name, **more)(run)
             return command
 
@@ -82,28 +143,38 @@ def _get_hints(made: Callable[..., Any]) -> dict[str, Any]:
     return get_type_hints(made, include_extras=True)
 
 
-def _list_parameters(made: Callable[..., Any]) -> Iterator[inspect.Parameter]:
-    """Those of a command as typer wants them, or the fields of a dataclass."""
+def list_parameters(
+    made: Callable[..., Any], describe: Callable[[Any, Mapping[str, Any]], Any]
+) -> Iterator[inspect.Parameter]:
+    """Those of a command or a tool, and in place of a dataclass those of its fields.
+
+    Args:
+        describe: the annotation of a type and of what `option` noted of it.
+    """
     hints, fields = _get_hints(made), getattr(made, "__dataclass_fields__", {})
     for name, each in inspect.signature(made).parameters.items():
         found, hint, default = fields.get(name, each.default), hints[name], each.default
         if isinstance(found, Field) and "info" in found.metadata:
-            info = found.metadata["info"]
-            if hint is bool and not info.param_decls and info.default is ...:
-                info.param_decls = (f"--{name.replace('_', '-')}",)  # and no --no-NAME
-            hint = Annotated[hint, info]
+            hint = describe(hint, {**found.metadata, "name": name})
             default = each.empty if found.default is MISSING else found.default
         if is_dataclass(hint):
-            yield from _list_parameters(hint)  # type: ignore[arg-type]
-        else:
+            yield from list_parameters(hint, describe)  # type: ignore[arg-type]
+        elif name != "log":  # the program's own
             yield each.replace(kind=each.KEYWORD_ONLY, annotation=hint, default=default)
 
 
-def _collect(made: Callable[..., Any], values: dict[str, Any]) -> dict[str, Any]:
+def _describe_to_typer(hint: Any, noted: Mapping[str, Any]) -> Any:
+    info = noted["info"]
+    if hint is bool and not info.param_decls and info.default is ...:
+        info.param_decls = (f"--{noted['name'].replace('_', '-')}",)  # and no --no-NAME
+    return Annotated[hint, info]
+
+
+def collect(made: Callable[..., Any], values: dict[str, Any]) -> dict[str, Any]:
     """The arguments of a command or a dataclass from the values of all options."""
     hints = _get_hints(made)
     return {
-        name: hints[name](**_collect(hints[name], values)) if is_dataclass(hints[name])
+        name: hints[name](**collect(hints[name], values)) if is_dataclass(hints[name])
         else values[name]
         for name in inspect.signature(made).parameters
     }  # fmt: skip
@@ -173,7 +244,18 @@ class ModelOptions:
 
 
 @dataclass(frozen=True)
-class SessionOptions:
+class DrawOptions(Asked):
+    """How a scene of words is drawn."""
+
+    selection: Literal["draw", "map"] = option(
+        "draw", "Draw among the combinations that fit, or take the likeliest."
+    )
+    lenient: bool = option(False, "Leave out words that cannot be realised, and list them.")
+    max_agents: MaxAgents = None
+
+
+@dataclass(frozen=True)
+class SessionOptions(Asked):
     """What conversations of `chat`, `mcp` and `serve` begin with, and where they are kept."""
 
     intersection: str = option("amsterdam_120", "Where new conversations happen.")
@@ -185,7 +267,7 @@ class SessionOptions:
 
 
 @dataclass(frozen=True)
-class ImportOptions:
+class ImportOptions(Asked):
     """Which junction of a map file is imported, and how."""
 
     name: str = option(..., "What to call it; commands take the short form that is shown.")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +17,7 @@ from scenewright.errors import InputError
 
 OutT = TypeVar("OutT", bound="str | Path | None")
 
+SCENES = "scenes"
 SCENE_FILES = (
     "provenance.json",
     "drive.json",
@@ -88,6 +90,26 @@ def target_folder(path: str, *, force: bool | None) -> Path:
     except OSError as error:
         raise InputError(f"cannot use {target}: {error.strerror or error}") from error
     return target
+
+
+def plan_folder(out: str | None, *, force: bool | None) -> Callable[[str], Path]:
+    """The folder to write by the id of its scene: scenes/ID where none is named (`target_folder`).
+
+    What can be checked before the id is known is checked at once.
+    """
+    if out is not None:
+        target = target_folder(out, force=force)
+        return lambda _: target
+    try_folder(SCENES)
+    return lambda name: target_folder(
+        str(Path(SCENES) / choose_folder_name(name)), force=bool(force)
+    )
+
+
+def choose_folder_name(scene_id: str) -> str:
+    """A scene id as a plain file name: it derives from text of any origin."""
+    slug = re.sub(r"[^a-z0-9_]+", "-", scene_id.lower()).strip("-")[:80].rstrip("-")
+    return slug or "scene"
 
 
 def write_report(folder: str | Path, name: str, page: str, values: Mapping[str, Any]) -> Path:

@@ -12,11 +12,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenewright.backends import Backend, Call, Named, Question
-from scenewright.cli.console import format_one_line, log_line, write_stdout
+from scenewright.backends import Backend, Call, Named, Question, get_backend_of_task, load_backend
+from scenewright.cli.console import format_one_line, log_line
 from scenewright.cli.errors import to_cli_error
 from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.make import read_instruction
 from scenewright.errors import BackendFault, InputError, Rejected
+from scenewright.intersections import load_map
+from scenewright.nodes import scene_planner
+from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
@@ -24,7 +28,6 @@ from scenewright.scene.social import Plan, Refusal
 if TYPE_CHECKING:
     from scenewright.scene.plan_file import LogicalPlan
 
-Account = Callable[[Call], None]
 ATTEMPTS = 3
 
 
@@ -54,47 +57,6 @@ def read_rows(path: str) -> list[Any]:
     return found
 
 
-def plan_rows(
-    rows: list[Any],
-    backend: Backend,
-    *,
-    intersection_map: IntersectionMap | None = None,
-    account: Account = lambda _call: None,
-) -> Iterator[dict[str, Any]]:
-    """One row out per row in, in order; a row that cannot be planned is a refusal.
-
-    Args:
-        intersection_map: the map that the rows are about; None: four legs, in right-hand traffic.
-        account: called with what every answer of a model has cost.
-
-    Raises:
-        BackendFault: the backend failed for good.
-    """
-    from scenewright.backends import get_backend_of_task
-
-    def plan_one(row: Any) -> Plan:
-        """A bug that one text brings out must not cost all the other rows."""
-        if fault := _find_fault(row):
-            return build_refusal(fault)
-        try:
-            return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
-        except BackendFault:
-            raise
-        except Exception as error:
-            if os.environ.get("SCENEWRIGHT_TRACEBACK"):
-                raise
-            reason = to_cli_error(error).reason
-            log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
-            return build_refusal(reason)
-
-    many = int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1))
-    for row, plan in zip(rows, _map_in_threads(plan_one, rows, many), strict=True):
-        stop_if_asked()
-        name = row.get("id") if isinstance(row, dict) else None
-        # the id that a row came with, right or wrong, as far as one can be read from it
-        yield {**plan_to_row("", plan), "id": name if isinstance(name, str | int) else None}
-
-
 def plan(
     text: str,
     *,
@@ -113,38 +75,67 @@ def plan(
         InputError: no such intersection or backend.
         BackendFault: the backend failed for good.
     """
-    from scenewright.backends import load_backend
-    from scenewright.intersections import load_map
-
     if isinstance(backend, str | Sequence | Mapping):
         backend = load_backend(backend)
-    intersection_map = None if intersection is None else load_map(intersection)
-    rows = [{"id": "", "text": text, "previous": previous}]
-    (row,) = plan_rows(rows, backend, intersection_map=intersection_map)
+    (row,), _ = plan_all([{"id": "", "text": text, "previous": previous}], backend, intersection)
     del row["id"]
     return row
 
 
 def plan_all(
-    rows: list[Any],
-    backend: Backend,
-    calls: list[Call],
-    *,
-    intersection_map: IntersectionMap | None = None,
-) -> list[dict[str, Any]]:
-    """Every row out; what answers have cost is added to `calls`, and to a fault of the backend.
+    rows: list[Any], backend: Backend, intersection: str | None = None
+) -> tuple[list[dict[str, Any]], dict[str, int]]:
+    """One row out per row in, in order; a row that cannot be planned is a refusal.
+
+    Args:
+        intersection: that the rows are about; None: four legs, in right-hand traffic.
+
+    Returns:
+        The rows; and requests to models, with tokens as far as counted, if any were asked.
 
     Raises:
-        BackendFault: the backend failed for good.
+        InputError: no such intersection.
+        BackendFault: the backend failed for good; carries what answers have cost.
     """
-    account = calls.append
+
+    place, calls = None if intersection is None else load_map(intersection), list[Call]()
+
+    def plan_one(row: Any) -> Plan:
+        """A bug that one text brings out must not cost all the other rows."""
+        if fault := _find_fault(row):
+            return build_refusal(fault)
+        try:
+            return ask_for_plan(row, backend, intersection_map=place, account=calls.append)
+        except BackendFault:
+            raise
+        except Exception as error:
+            if os.environ.get("SCENEWRIGHT_TRACEBACK"):
+                raise
+            reason = to_cli_error(error).reason
+            log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
+            return build_refusal(reason)
+
+    many, planned = int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1)), []
     try:
-        return list(plan_rows(rows, backend, intersection_map=intersection_map, account=account))
+        for row, plan in zip(rows, _map_in_threads(plan_one, rows, many), strict=True):
+            stop_if_asked()
+            name = row.get("id") if isinstance(row, dict) else None
+            # the id that a row came with, right or wrong, as far as one can be read from it
+            own = name if isinstance(name, str | int) else None
+            planned.append({**plan_to_row("", plan), "id": own})
     except BackendFault as fault:
         from scenewright.graph.run import sum_costs_by_task
 
         fault.models = sum_costs_by_task(calls)
         raise
+    asked = sum(call.asked for call in calls)
+    if not asked:
+        return planned, {}
+    return planned, {
+        "requests": asked,
+        "input_tokens": sum(call.input_tokens or 0 for call in calls),
+        "output_tokens": sum(call.output_tokens or 0 for call in calls),
+    }
 
 
 def _map_in_threads(task: Callable[[Any], Plan], rows: list[Any], many: int) -> Iterator[Plan]:
@@ -175,18 +166,6 @@ def _map_in_threads(task: Callable[[Any], Plan], rows: list[Any], many: int) -> 
     yield from (reply.result() for reply in replies)
 
 
-def sum_costs(calls: list[Call]) -> dict[str, int]:
-    """Requests to models, and tokens in and out as far as they were counted; empty without any."""
-    asked = sum(call.asked for call in calls)
-    if not asked:
-        return {}
-    return {
-        "requests": asked,
-        "input_tokens": sum(call.input_tokens or 0 for call in calls),
-        "output_tokens": sum(call.output_tokens or 0 for call in calls),
-    }
-
-
 def _find_fault(row: Any) -> str | None:
     """What is wrong with a row, if anything."""
     if not isinstance(row, dict):
@@ -209,13 +188,9 @@ def ask_for_plan(
     backend: Backend,
     *,
     intersection_map: IntersectionMap | None = None,
-    account: Account = lambda _call: None,
+    account: Callable[[Call], None] = lambda _call: None,
 ) -> Plan:
     """The backend's plan; given what was wrong, it may mend a malformed one."""
-    from scenewright.backends import get_backend_of_task
-    from scenewright.nodes import scene_planner
-    from scenewright.nodes.scene_planner.prompts import render_plan_prompt
-
     ways, left_hand, roads = scene_planner.FOUR_LEGS, False, {}
     if intersection_map is not None:
         ways = scene_planner.describe_routes(intersection_map)
@@ -246,48 +221,30 @@ def ask_for_plan(
     return build_refusal(f"The backend gave no usable plan: {wrong[-1]}")
 
 
-def format_plan_of_text(text: str, backend: Backend, intersection: str | None) -> str:
-    """The plan of an instruction as a file; as `make` plans it.
+def format_plan_of(text: str, backend: Backend, intersection: str | None, *, osc: bool) -> str:
+    """The plan of a file, or of an instruction as `make` plans it, as YAML.
 
-    Raises:
-        InputError, Unsatisfiable, BackendFault: as `synthesize`.
-    """
-    from scenewright.cli.make import read_request
-    from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
-    from scenewright.scene.plan_file import PlanFile, format_plan
-
-    words = read_request(text)
-    if isinstance(words, PlanFile):
-        return format_plan(words.plan, words.text if words.as_read else "")
-    place = intersection or DEFAULT_INTERSECTION
-    return format_plan(plan_instruction(words, intersection=place, backend=backend), words)
-
-
-def format_osc_dsl(text: str, backend: Backend, intersection: str | None) -> str:
-    """The plan of a file, with what it leaves open, or of a text, in OpenSCENARIO DSL.
+    Args:
+        osc: in OpenSCENARIO DSL instead, with what a file leaves open.
 
     Raises:
         InputError, Unsatisfiable, BackendFault: as `synthesize`.
     """
     from scenewright.files import is_plan_file
     from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
-    from scenewright.scene.plan_file import LogicalPlan, read_logical_plan
+    from scenewright.scene.plan_file import LogicalPlan, format_plan, read_logical_plan, read_plan
 
     if is_plan_file(text):
-        logical = read_logical_plan(text)
-    else:
-        place = intersection or DEFAULT_INTERSECTION
-        plan = plan_instruction(text, intersection=place, backend=backend)
-        fields = plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-        logical = LogicalPlan("words", {**fields, "text": text})
-    return logical.format_osc_dsl()
-
-
-def format_plan_schema() -> str:
-    """The JSON Schema of plan files."""
-    from scenewright.scene.plan_file import build_plan_schema
-
-    return json.dumps(build_plan_schema(), indent=1, ensure_ascii=False) + "\n"
+        if osc:
+            return read_logical_plan(text).format_osc_dsl()
+        given = read_plan(text)
+        return format_plan(given.plan, given.text if given.as_read else "")
+    words, place = read_instruction(text), intersection or DEFAULT_INTERSECTION
+    plan = plan_instruction(words, intersection=place, backend=backend)
+    if not osc:
+        return format_plan(plan, words)
+    fields = plan.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    return LogicalPlan("words", {**fields, "text": words}).format_osc_dsl()
 
 
 _POINTS = 16
@@ -339,18 +296,3 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         left = "; ".join(f"{name}: {what}" for name, what in open_.items())
         words = f"For example: {words} Left open: {left}."
     return {"file": path, "summary": words, "as_read": given.as_read, "open": open_}
-
-
-def write_text(path: str, text: str) -> None:
-    """The text as a file, whole or not at all; `-` is stdout.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    from scenewright.files import write_atomically
-
-    data = text.encode("utf-8", "backslashreplace")
-    if path == "-":
-        write_stdout(data.decode("utf-8"))
-    else:
-        write_atomically(path, data)

@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from scenewright.cli.console import ProgressCallback
+from scenewright.errors import InputError
 from scenewright.intersections import REFINER_WEIGHTS
-from scenewright.scene.track import PEDESTRIAN, get_vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.track_io.recording import Split
 from scenewright.tools.track_io.track_files import FileTracks
 
 if TYPE_CHECKING:
     from scenewright.cli.options import TrainOptions
-    from scenewright.tools.track_io import Recording
-    from scenewright.tools.track_io.recording import Split
 
 GOES_ON = {"epochs": 6, "rate": 3e-4}
 """How a network that has been trained elsewhere goes on: briefly, in small steps."""
@@ -29,7 +29,7 @@ Figures = Mapping[str, float]
 
 
 def adapt_refiner(
-    name: str, files: Sequence[FileTracks], log: Callable[[str, str], None]
+    name: str, files: Sequence[FileTracks], log: ProgressCallback
 ) -> tuple[dict[str, bytes], str]:
     """Weights and card of a refiner adapted to recorded tracks, and a note of what it is worth.
 
@@ -39,7 +39,6 @@ def adapt_refiner(
     from scenewright.tools.trajnet_refiner.bundle_training import OVERLAP, compute_figures
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.model import Refiner
-    from scenewright.tools.trajnet_refiner.train import RECIPE
 
     recordings = [each for file in files for each in _split_recordings(name, file)]
     serving = find_refiner(name)
@@ -50,47 +49,61 @@ def adapt_refiner(
     own = Refiner.from_weights(serving.net.config, serving.net.weights)
     before = compute_figures(own, tried, stride=OVERLAP)
     made, figures = train_to_files(
-        name, recordings, recipe=RECIPE.model_copy(update=GOES_ON), start=serving.net,
-        command=f"scenewright intersections fit {name} --train", stride=OVERLAP,
+        name, recordings, start=serving.net, log=log, stride=OVERLAP,
+        command=f"scenewright intersections fit {name} --train",
     )  # fmt: skip
     note, better = compare_errors(before, figures)
     return (made, f"the refiner is adapted: {note}") if better else ({}, f"not adapted: {note}")
 
 
 def train_to_files(
-    name: str, recordings: Sequence[Recording], **options: Any
-) -> tuple[dict[str, bytes], dict[str, Any]]:
-    """Weights and card of a refiner that is trained, as files of a bundle, and what it is worth.
+    name: str, recordings: Sequence[Recording], *, log: ProgressCallback, seed: int = 0,
+    **options: Any,
+) -> tuple[dict[str, bytes], dict[str, Any]]:  # fmt: skip
+    """Weights and card of a refiner that goes on briefly, as files of a bundle, and its figures.
 
     Args:
         options: as of `train_bundle`.
     """
     from scenewright.tools.trajnet_refiner.bundle_training import CARD, train_bundle
+    from scenewright.tools.trajnet_refiner.train import RECIPE
 
+    recipe = RECIPE.model_copy(update={**GOES_ON, "seed": seed})
     with tempfile.TemporaryDirectory() as scratch:
-        about = train_bundle(name, recordings, out=Path(scratch), **options)
+        about = train_bundle(
+            name, recordings, out=Path(scratch), recipe=recipe,
+            after_epoch=_log_epochs(log, recipe.epochs), **options,
+        )  # fmt: skip
         files = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
     return files, dict(about["figures"])
 
 
+def _log_epochs(log: ProgressCallback, of: int) -> Callable[[Any], None]:
+    return lambda epoch: log("training", f"epoch {epoch.number} of {of}: loss {epoch.loss:.4f}")
+
+
 def _split_recordings(name: str, file: FileTracks) -> Iterator[Recording]:
     """The early agents of a file, to fit, and the late ones, to test."""
-    tracks = [(kind, track) for kind, track in file.tracks if kind != "bicycle"]
+    tracks = [each for each in file.tracks if each[0] != "bicycle"]
     begin = min((track.start for _, track in tracks), default=0.0)
     until = begin + _TAUGHT * (max((track.end for _, track in tracks), default=0.0) - begin)
     splits: tuple[tuple[Split, bool], ...] = (("fit", True), ("test", False))
     for split, early in splits:
-        own = [each for each in tracks if (each[1].start < until) == early]
-        if own:
-            shapes = [PEDESTRIAN if kind == "pedestrian" else get_vehicle_shape(kind)
-                      for kind, _ in own]  # fmt: skip
-            every = (
-                RecordedAgent(track, shape, complete=False)
-                for (_, track), shape in zip(own, shapes, strict=True)
-            )
-            agents = tuple(sorted(every, key=lambda agent: agent.track.start))
-            end = max(agent.track.end for agent in agents)
-            yield Recording(f"{name} {file.name}", agents[0].track.start, end, agents, split)
+        if own := [each for each in tracks if (each[1].start < until) == early]:
+            yield _build_recording(f"{name} {file.name}", own, split)
+
+
+def _build_recording(name: str, tracks: Sequence[tuple[str, Track]], split: Split) -> Recording:
+    ordered = sorted(tracks, key=lambda each: each[1].start)
+    shapes = (
+        PEDESTRIAN if kind == "pedestrian" else get_vehicle_shape(kind) for kind, _ in ordered
+    )
+    agents = tuple(
+        RecordedAgent(track, shape, complete=False)
+        for (_, track), shape in zip(ordered, shapes, strict=True)
+    )
+    end = max(track.end for _, track in ordered)
+    return Recording(name, ordered[0][1].start, end, agents, split)
 
 
 def compare_errors(before: Figures, after: Figures) -> tuple[str, bool]:
@@ -106,9 +119,7 @@ def compare_errors(before: Figures, after: Figures) -> tuple[str, bool]:
     return said, bool(kinds) and not worse
 
 
-def train_refiner(
-    name: str, options: TrainOptions, *, log: Callable[[str, str], None]
-) -> dict[str, Any]:
+def train_refiner(name: str, options: TrainOptions, *, log: ProgressCallback) -> dict[str, Any]:
     """Trains and writes weights and model card; says where they are and what they are worth.
 
     Of tracks of real people on foot every fourth file is held out; going on is in smaller steps.
@@ -147,9 +158,7 @@ def train_refiner(
 
     about = train_bundle(
         name, recordings, out=folder, recipe=recipe,
-        after_epoch=lambda epoch: log(
-            "training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}"
-        ),
+        after_epoch=_log_epochs(log, recipe.epochs),
         log=lambda done, of: log("training", f"{100 * done // of} %") if done % 20 == 0 else None,
         start=None if serving is None else serving.net,
         walkers=_read_walkers(options.walkers or ()),
@@ -170,21 +179,13 @@ def _read_walkers(paths: Sequence[str]) -> list[Recording]:
     Raises:
         InputError: a file cannot be read, or none holds a pedestrian.
     """
-    from scenewright.errors import InputError
-    from scenewright.scene.track import PEDESTRIAN
-    from scenewright.tools.track_io import RecordedAgent, Recording
     from scenewright.tools.track_io.track_files import read_track_files
 
     found: list[Recording] = []
     for file in read_track_files(paths) if paths else ():
-        tracks = sorted(
-            (t for kind, t in file.tracks if kind == "pedestrian"), key=lambda t: t.start
-        )
-        if tracks:
-            agents = tuple(RecordedAgent(track, PEDESTRIAN, complete=False) for track in tracks)
-            end = max(track.end for track in tracks)
+        if tracks := [each for each in file.tracks if each[0] == "pedestrian"]:
             split: Split = "test" if len(found) % 4 == 3 else "fit"
-            found.append(Recording(file.name, tracks[0].start, end, agents, split))
+            found.append(_build_recording(file.name, tracks, split))
     if paths and not found:
         raise InputError(f"{', '.join(paths)[:200]}: no pedestrian")
     return found

@@ -8,6 +8,7 @@ from typing import Any
 
 from scenewright.cli.console import count, format_one_line
 from scenewright.geometry.map_areas import geos
+from scenewright.intersections import load_map
 from scenewright.scene.account import SaidRecord, SaidSpan, WordState
 from scenewright.scene.base import Point
 from scenewright.scene.events import Event, Finding, Proof
@@ -27,10 +28,9 @@ KERB = 1.0
 """How far [m] outside a crosswalk a place still counts as on it."""
 
 
-def summarize_scene(
-    scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap
-) -> list[str]:
+def summarize_scene(scene: SceneRecord, proof: Proof) -> list[str]:
     """The verdict, the events, the other agents, and words not seen: a few lines."""
+    intersection_map = load_map(scene.meta.intersection)
     names = {agent.id: format_one_line(agent.name, limit=40) for agent in scene.agents}
     figures = proof.figures.get("avoidability", ())
     lines = [

@@ -101,3 +101,28 @@ def list_versions(session: Session) -> dict[str, Any]:
         for each in state.get("versions", [])
     ]
     return {"versions": rows, "current": state.get("current")}
+
+
+_AGENT = ("id", "name", "type", "subtype", "entry", "exit", "role")
+
+
+def build_facts(shown: SessionVersion) -> dict[str, Any]:
+    """What a script wants to know of a version."""
+    version = shown.version
+    return {
+        **shown.proof.build_verdict(),
+        "events": shown.record.to_json()["events"],
+        "agents": [{key: getattr(each, key) for key in _AGENT} for each in shown.record.agents],
+        "duration": shown.record.meta.duration,
+        "time_of_day": shown.record.meta.time_of_day,
+        **{key: version[key] for key in ("edits", "moved", "gone", "come", "longer", "let_go")},
+    }
+
+
+def add_facts(
+    session: Session, reply: dict[str, Any]
+) -> tuple[dict[str, Any], SessionVersion | None]:
+    """A reply with the facts of the version that it shows, and that version, if it shows one."""
+    shows = reply["kind"] in ("made", "moved_to", "shown")
+    shown = session.find_version(reply.get("version")) if shows else None
+    return (reply if shown is None else {**reply, **build_facts(shown)}), shown

@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from scenewright.cli.console import log_line, show_progress, write_result
-from scenewright.cli.options import Json, Quiet, argument, option
+from scenewright.cli.console import ProgressCallback, Result, log_line
+from scenewright.cli.options import argument, option
 from scenewright.cli.output_folder import try_folder, write_report
 from scenewright.errors import InputError
 
 FOLDER = "evaluation"
 
+
+def _find(path: Path | None) -> Path | None:
+    """The path of an option that may be left out; InputError if nothing is there."""
+    if path is not None and not path.exists():
+        raise InputError(f"there is no {path}")
+    return path
+
+
 Corpus = Annotated[
-    str | None, typer.Option(metavar="F.npz", help="Recorded hours, of `simulate --corpus`.")
+    Path | None,
+    typer.Option(metavar="F.npz", help="Recorded hours, of `simulate --corpus`.", callback=_find),
 ]
 RealTracks = Annotated[
-    str | None, typer.Option(metavar="DIR", help="Real tracks, the TAF-BW data set.")
+    Path | None,
+    typer.Option(metavar="DIR", help="Real tracks, the TAF-BW data set.", callback=_find),
 ]
 
 
 def print_tables(
+    *,
     folder: str = argument(..., "Folder of the dataset.", metavar="DIR"),
     corpus: Corpus = None,
     taf_bw: RealTracks = None,
@@ -32,32 +44,17 @@ def print_tables(
     understanding: bool = option(True, "Measure Table 3.", "--understanding/--no-understanding"),
     draws: int = option(1000, "Resamplings for the intervals.", min=10),
     seed: int = option(0, "Of the resamplings.", min=0),
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Print and write Tables 1 to 5 of the paper, realism and diversity, for a dataset.
 
     Writes tables.md and tables.json. How scenes move and differ needs recorded hours.
     """
-    with show_progress(quiet=quiet) as log:
-        page, values, target = write_tables(
-            Path(folder),
-            out=out,
-            corpus=parse_path(corpus),
-            real=parse_path(taf_bw),
-            understand=understanding,
-            draws=draws,
-            seed=seed,
-            log=lambda line: log("measuring", line),
-        )
-    write_result({"out": str(target), **values}, page, as_json=as_json)
-
-
-def parse_path(name: str | None) -> Path | None:
-    """The path of an option that may be left out; InputError if nothing is there."""
-    if name is not None and not Path(name).exists():
-        raise InputError(f"there is no {name}")
-    return None if name is None else Path(name)
+    page, values, target = write_tables(
+        Path(folder), out=out, corpus=corpus, real=taf_bw,
+        understand=understanding, draws=draws, seed=seed, log=partial(log, "measuring"),
+    )  # fmt: skip
+    return Result({"out": str(target), **values}, page)
 
 
 def write_tables(

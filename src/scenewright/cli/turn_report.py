@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from scenewright.cli.console import format_one_line
-from scenewright.cli.scene_summary import VERBS, choose_style, summarize_scene
-
-if TYPE_CHECKING:
-    from scenewright.authoring.session import SessionVersion
+from scenewright.authoring.session import SessionVersion
+from scenewright.cli.scene_summary import choose_style, summarize_scene
 
 Line = tuple[str, str]
 GOOD, BAD, PLAIN, FAINT, ASK = "green", "red", "", "dim", "yellow"
@@ -33,7 +30,7 @@ def format_reply(reply: dict[str, Any], shown: SessionVersion | None) -> list[Li
         case "nothing":
             return [(FAINT, reply["reason"])]
         case "shown":
-            return _format_shown(reply)
+            return [*_format_version(reply, shown), *map(_format_agent, reply["agents"])]
         case "compared":
             return _format_comparison(reply)
         case "saved":
@@ -53,10 +50,7 @@ def format_reply(reply: dict[str, Any], shown: SessionVersion | None) -> list[Li
 def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list[Line]:
     if shown is None:
         return [(PLAIN, f"version {reply['version']}")]
-    from scenewright.intersections import load_map
-
-    intersection_map = load_map(shown.record.meta.intersection)
-    first, *rest = summarize_scene(shown.record, shown.proof, intersection_map)
+    first, *rest = summarize_scene(shown.record, shown.proof)
     branch = f" on branch {reply['branch']}" if "branch" in reply else ""
     style = choose_style(verified=shown.proof.verified, caveat=shown.proof.caveat)
     lines = [(style, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
@@ -87,30 +81,10 @@ def _format_names(names: list[str]) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _format_shown(reply: dict[str, Any]) -> list[Line]:
-    beside = f" ({format_one_line(reply['caveat'])})" if reply["caveat"] else ""
-    lines = [
-        (choose_style(verified=reply["verified"], caveat=reply["caveat"]),
-         f"version {reply['version']}: {reply['verdict']}{beside}, {reply['time_of_day']}, "
-         f"{reply['duration']:g} s"),
-    ]  # fmt: skip
-    names = {each["id"]: each["name"] for each in reply["agents"]}
-    for event in reply["events"]:
-        if event["from"] is None:
-            lines.append((PLAIN, "  nothing happens"))
-        else:
-            verb = VERBS[event["type"]]
-            pair = f"{names[event['from']]} {verb} {names[event['to']]}"
-            lines.append((PLAIN, f"  {event['time']:.1f} s: {pair}"))
-    for agent in reply["agents"]:
-        what = agent["subtype"] or agent["type"]
-        role = "" if agent["role"] == "foreground" else ", background"
-        lines.append(
-            (PLAIN if not role else FAINT,
-             f"  {agent['id']:>3} {agent['name']}: {what}, {agent['entry']} to "
-             f"{agent['exit']}{role}")
-        )  # fmt: skip
-    return lines
+def _format_agent(agent: dict[str, Any]) -> Line:
+    what, role = agent["subtype"] or agent["type"], agent["role"]
+    line = f"  {agent['id']:>3} {agent['name']}: {what}, {agent['entry']} to {agent['exit']}"
+    return (PLAIN, line) if role == "foreground" else (FAINT, f"{line}, background")
 
 
 def _format_comparison(reply: dict[str, Any]) -> list[Line]:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from scenewright.cli.console import log_line, show_progress, write_result
-from scenewright.cli.options import BoardOptions, Json, ModelOptions, Quiet, argument, option
+from scenewright.cli.console import ProgressCallback, Result
+from scenewright.cli.options import BoardOptions, ModelOptions, argument, option
 from scenewright.cli.output_folder import try_file, try_folder, write_report
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
     from scenewright.evals.understanding.cases import Split
-    from scenewright.evals.understanding.evaluate import MethodScores, ProgressLog
+    from scenewright.evals.understanding.evaluate import MethodScores
 
 ENTERED = 4.0
 """The window that the leaderboard shows [s]."""
@@ -40,9 +41,8 @@ def score_understanding(
     whole: bool = option(False, "Whole scenes instead of clips cut from them."),
     model: ModelOptions,
     entry: BoardOptions,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+    log: ProgressCallback,
+) -> Result:
     """Score how early exits and relations are predicted: accuracy and agent-level F1 by window.
 
     Scenes are cut to clips of 10 s that begin 2 to 6 s before a conflict can be seen coming, and to
@@ -65,21 +65,18 @@ def score_understanding(
         raise InputError("--board goes with one --method: what is entered")
     lengths = read_windows(windows)
     named = model.load() if model.backend else None
-    with show_progress(quiet=quiet) as log_stage:
-        log: ProgressLog = lambda line: log_stage("understanding", line)  # noqa: E731
-        half: Split | None = None if split == "all" else split
-        cases = load_cases(Path(folder), split=half, whole=whole, log=log)
-        if write_observations is not None:
-            seen = format_jsonl(each.to_json() for each in observe_cases(cases, lengths))
-            write_atomically(Path(write_observations), seen)
-            count = len(cases) * len(lengths)
-            log_line(f"{count} observations written to {write_observations}")
-        found = [
-            evaluate(cases, each, windows=lengths, backend=named, log=log) for each in method or ()
-        ]
+    half: Split | None = None if split == "all" else split
+    say, notes = partial(log, "understanding"), []
+    cases = load_cases(Path(folder), split=half, whole=whole, log=say)
+    if write_observations is not None:
+        seen = format_jsonl(each.to_json() for each in observe_cases(cases, lengths))
+        write_atomically(Path(write_observations), seen)
+        notes += [f"{len(cases) * len(lengths)} observations written to {write_observations}"]
+    found = [
+        evaluate(cases, each, windows=lengths, backend=named, log=say) for each in method or ()
+    ]
     if entry.board is not None:
-        page = _enter(found[0], Path(entry.board), str(entry.name))
-        log_line(f"written: {entry.board}, {page}")
+        notes += entry.enter(_list_figures(found[0]), section="predictions")
     place = cases[0].record.meta.intersection
     text = format_report(found, scenes=len(cases), split=split, where=place) if found else ""
     result = {
@@ -94,21 +91,17 @@ def score_understanding(
                 name = "".join(c if c.isalnum() else "_" for c in each.method)
                 data = format_predictions(each.predictions)
                 write_atomically(target / f"predictions_{name}.jsonl", data)
-    write_result(result, text or f"{write_observations}\n", as_json=as_json)
+    return Result(result, text or f"{write_observations}\n", notes=notes)
 
 
-def _enter(scores: MethodScores, board: Path, name: str) -> Path:
-    """Enter the strict figures after 4 s; the page."""
-    from scenewright.evals.leaderboard import enter_leaderboard
-
+def _list_figures(scores: MethodScores) -> dict[str, Any]:
+    """The strict figures after 4 s, for a leaderboard."""
     rows = [row for row in scores.rows if row.window == ENTERED and row.strict]
     if not rows:
         raise InputError(f"--board takes relations after {ENTERED:g} s; there are none")
     figures = {**rows[0].strict, "exits": rows[0].intent.get("overall")}
-    shares = {key: None if each is None else each.to_share() for key, each in figures.items()}
     nothing = {"rate": None, "interval": None, "n": 0}
-    entry = {key: each or nothing for key, each in shares.items()}
-    return enter_leaderboard(board, name, entry, section="predictions")
+    return {key: nothing if each is None else each.to_share() for key, each in figures.items()}
 
 
 def read_windows(text: str | None) -> tuple[float, ...]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import format_one_line, render_table
+from scenewright.cli.console import Result, format_columns, format_one_line, paint, shorten
+from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
 from scenewright.cli.scene_summary import (
     choose_style,
     format_verdict,
@@ -16,9 +17,13 @@ from scenewright.cli.scene_summary import (
     name_agent,
 )
 from scenewright.cli.verify_tracks import CheckedTracks, check_tracks, format_tracks_report
+from scenewright.dataset.batch.manifest import MANIFEST, list_scenes
 from scenewright.errors import InputError
+from scenewright.graph.run import find_scene_file, load_scene, verify
+from scenewright.graph.written_proof import read_origin_digest
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
+from scenewright.tools.formats.registry import DATABASE_FILES, find_reader
 
 TRACKS = (".ndjson", ".csv")
 FOREIGN = (".txt", ".osi")
@@ -57,16 +62,15 @@ def check_paths(
     checked: list[Checked | CheckedTracks] = []
     for path in paths:
         try:
-            files = list_scene_files(path)
+            for file in list_scene_files(path):
+                checked += _check(file, intersection, strict)
         except (InputError, OSError) as error:
             checked.append(Checked(Path(path), error=_describe_fault(error)))
-        else:
-            checked += [each for file in files for each in _check(file, intersection, strict)]
     return checked
 
 
 def list_scene_files(path: str) -> list[Path]:
-    """The file itself; the scene of a folder; all scenes of the folders in it; or its tracks.
+    """The file itself; the scene of a folder; those of a dataset or of folders in it; its tracks.
 
     Raises:
         InputError: there is none, or the file is of another format.
@@ -81,6 +85,8 @@ def list_scene_files(path: str) -> list[Path]:
         )
     if not place.is_dir() or (place / "scene.json").exists():
         return [place]
+    if (place / MANIFEST).is_file():
+        return list_scenes(place)
     inside = [file.parent for file in sorted(place.glob("*/scene.json"))]
     for pattern in ("*", "*/*"):  # Argoverse 2 has a folder per scenario
         inside = inside or [each for each in sorted(place.glob(pattern)) if _has_tracks(each)]
@@ -92,8 +98,6 @@ def list_scene_files(path: str) -> list[Path]:
 
 
 def _check(path: Path, intersection: str | None, strict: bool) -> Sequence[Checked | CheckedTracks]:
-    from scenewright.graph.run import load_scene, verify
-
     try:
         if _has_tracks(path) and not path.is_dir():
             return check_tracks(path, intersection=intersection)
@@ -106,26 +110,18 @@ def _check(path: Path, intersection: str | None, strict: bool) -> Sequence[Check
 
 def _list_unchecked(path: Path) -> tuple[str, ...]:
     """What lies beside a scene and was not compared with it: pictures, recordings, other files."""
-    from scenewright.graph.run import find_scene_file
-    from scenewright.graph.written_proof import read_origin_digest
-
     folder = find_scene_file(path).parent
     if not (folder / "scene.json").exists():
         return ()
     named = read_origin_digest(folder / "provenance.json") is not None
     origin = "provenance.json but for the digest" if named else "provenance.json"
     names = sorted(each.name for each in folder.iterdir() if each.is_file())
-    return tuple(
-        origin if name == "provenance.json" else name
-        for name in names
-        if name not in ("scene.json", "proof.json")
-    )
+    renamed = {"provenance.json": origin}
+    return tuple(renamed.get(n, n) for n in names if n not in ("scene.json", "proof.json"))
 
 
 def _has_tracks(path: Path) -> bool:
     """Whether a file of that name holds tracks."""
-    from scenewright.tools.formats.registry import DATABASE_FILES, find_reader
-
     named = path.suffix.lower() in TRACKS or find_reader(path.name) is not None
     return named and path.name not in DATABASE_FILES
 
@@ -134,64 +130,57 @@ def _describe_fault(error: Exception) -> str:
     return format_one_line(getattr(error, "strerror", None) or str(error))
 
 
-def build_object(checked: list[Checked | CheckedTracks]) -> dict[str, Any]:
-    """The object of `--json`: a list of all, or what one file of tracks holds."""
-    good = all(is_good(each) for each in checked)
-    if len(checked) == 1 and isinstance(checked[0], CheckedTracks):
-        return {"ok": good, **checked[0].to_json()}
-    return {"ok": good, "scenes": [each.to_json() for each in checked]}
+def report(checked: list[Checked | CheckedTracks]) -> Result:
+    """The scenes in one table, each file of tracks in one of its own; 1 or 2 if one is not good.
 
-
-def is_good(checked: Checked | CheckedTracks) -> bool:
-    """Whether nothing stands against it; of tracks, in which nothing is asked for, nothing can."""
-    if isinstance(checked, CheckedTracks):
-        return True
-    return checked.proof is not None and checked.proof.verified
-
-
-def list_notes(checked: list[Checked | CheckedTracks]) -> list[str]:
-    """What was assumed about tracks and what beside scenes was not looked at, one line each."""
-    return [
-        format_one_line(f"{each.path}: {note}")
-        for each in checked
-        for note in (
-            each.tracks.notes
-            if isinstance(each, CheckedTracks)
-            else [f"not looked at: {', '.join(each.unchecked)}"] * bool(each.unchecked)
-        )
-    ]
-
-
-def report(checked: list[Checked | CheckedTracks]) -> str:
-    """The scenes in one table, and each file of tracks in one of its own."""
+    Notes are what was assumed about tracks, what beside scenes was not looked at, and why files
+    are unusable.
+    """
     scenes = [each for each in checked if isinstance(each, Checked)]
     tracks = [each for each in checked if isinstance(each, CheckedTracks)]
-    listed = _format_scenes(scenes) if any(each.proof for each in scenes) else ""
-    return listed + "".join(format_tracks_report(each) for each in tracks)
+    unusable = [each.error for each in scenes if each.error is not None]
+    good = all(each.proof is not None and each.proof.verified for each in scenes)
+    facts = {"ok": good, "scenes": [each.to_json() for each in checked]}
+    if tracks and len(checked) == 1:
+        facts = {"ok": good, **tracks[0].to_json()}
+    notes = [f"{each.path}: {note}" for each in tracks for note in each.tracks.notes]
+    notes += [
+        f"{each.path}: not looked at: {', '.join(each.unchecked)}"
+        for each in scenes
+        if each.unchecked
+    ]
+
+    def format_all() -> str:
+        listed = _format_scenes(scenes) if any(each.proof for each in scenes) else ""
+        return listed + "".join(map(format_tracks_report, tracks))
+
+    return Result(
+        facts,
+        format_all,
+        notes=[*(f"note: {each}" for each in notes), *(f"scenewright: {e}" for e in unusable)],
+        code=0 if good else UNUSABLE if unusable else NOT_VERIFIED,
+    )
 
 
 def _format_scenes(checked: list[Checked]) -> str:
     """A table of events and verdicts; below it what stands against a scene, and words not seen."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("scene", "verdict", "event", "from", "to"):
-        table.add_column(title, overflow="fold")
-    for title in ("time", "place"):
-        table.add_column(title, justify="right", no_wrap=True)
+    rows, styles = [], []
     for each in checked:
         if each.scene is None or each.proof is None:
             continue
         style = choose_style(verified=each.proof.verified, caveat=each.proof.caveat)
-        head = Text(format_one_line(str(each.path))), Text(format_verdict(each.proof), style=style)
+        head = format_one_line(str(each.path)), format_verdict(each.proof)
         events = [_list_cells(event, each.scene) for event in each.proof.events]
         for cells in events or [("normal", "", "", "", "")]:
-            table.add_row(*head, *map(Text, cells))
-            head = Text(""), Text("")
+            rows.append((*head, *cells))
+            styles.append(style)
+            head, style = ("", ""), ""
+    titles = ("scene", "verdict", "event", "from", "to", "time", "place")
+    lines = format_columns(titles, rows, right={"time", "place"}).split("\n")
+    for k, style in enumerate(styles, start=3):
+        lines[k] = paint(lines[k], style)
     below = (line + "\n" for each in checked for line in _list_findings(each))
-    return render_table(table) + "".join(below)
+    return "\n".join(lines) + "".join(below)
 
 
 def _list_cells(event: Event, scene: SceneRecord) -> tuple[str, ...]:
@@ -204,8 +193,6 @@ def _list_cells(event: Event, scene: SceneRecord) -> tuple[str, ...]:
 def _list_findings(checked: Checked) -> list[str]:
     if checked.proof is None:
         return []
-    found = list_findings(checked.proof)
-    lines = [f"{each.rule}: {each.detail}" for each in found[:SHOWN]]
-    lines += [f"and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
-    lines += list_unseen_words(checked.proof)
+    found = [f"{each.rule}: {each.detail}" for each in list_findings(checked.proof)]
+    lines = [*shorten(found, SHOWN), *list_unseen_words(checked.proof)]
     return [format_one_line(f"{checked.path}: {line}") for line in lines]

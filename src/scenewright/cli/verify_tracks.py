@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.cli.console import count, format_columns, format_one_line
+from scenewright.cli.console import count, format_columns, format_one_line, shorten
 from scenewright.cli.scene_summary import describe_avoidability
 from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.external_events import ExternalTracks, RecordedEvents
@@ -66,20 +66,15 @@ def check_tracks(path: Path, *, intersection: str | None) -> list[CheckedTracks]
     Raises:
         InputError: unreadable, or no such intersection.
     """
-    from scenewright.graph.run import load_recordings
+    from scenewright.graph.run import examine_tracks, find_off_ground, load_recordings
 
-    return [
-        _check_recording(Path(f"{path}:{name}") if name else path, tracks, intersection)
-        for name, tracks in load_recordings(path).items()
-    ]
-
-
-def _check_recording(path: Path, tracks: ExternalTracks, intersection: str | None) -> CheckedTracks:
-    from scenewright.graph.run import examine_tracks, find_off_ground
-
-    found = examine_tracks(tracks, intersection=intersection)
-    off_map = () if intersection is None else find_off_ground(tracks, intersection=intersection)
-    return CheckedTracks(path, tracks, found, off_map)
+    checked = []
+    for name, tracks in load_recordings(path).items():
+        found = examine_tracks(tracks, intersection=intersection)
+        off_map = () if intersection is None else find_off_ground(tracks, intersection=intersection)
+        place = Path(f"{path}:{name}") if name else path
+        checked.append(CheckedTracks(place, tracks, found, off_map))
+    return checked
 
 
 def _build_agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
@@ -101,28 +96,17 @@ def format_tracks_report(checked: CheckedTracks) -> str:
     titles = ("event", "from", "to", "time", "place", "evidence")
     rows = [_build_row(event, checked.tracks) for event in checked.found.events]
     listed = format_columns(titles, rows, right={"time", "place"}) if rows else ""
+    names = {n: str(n) for n in checked.tracks.names}
     avoided = [
         f"{event.from_} and {event.to} at {event.time:.1f} s, {line}"
         for event in checked.found.events
-        for line in describe_avoidability(
-            event, checked.found.avoidability, {n: str(n) for n in checked.tracks.names}
-        )
+        for line in describe_avoidability(event, checked.found.avoidability, names)
     ]
     contacts = [finding.detail for finding in checked.found.contacts]
-    below = [
-        *_format_legend(checked),
-        *_shorten(avoided),
-        *_shorten(contacts),
-        *(finding.detail for finding in checked.off_map),
-    ]
-    return (
-        _format_headline(checked) + listed + "".join(format_one_line(line) + "\n" for line in below)
-    )
-
-
-def _shorten(lines: list[str]) -> list[str]:
-    more = len(lines) - SHOWN
-    return [*lines[:SHOWN], f"and {more} more"] if more > 0 else lines
+    below = [*_format_legend(checked), *shorten(avoided, SHOWN), *shorten(contacts, SHOWN),
+             *(finding.detail for finding in checked.off_map)]  # fmt: skip
+    said = "".join(format_one_line(line) + "\n" for line in below)
+    return _format_headline(checked) + listed + said
 
 
 def _format_headline(checked: CheckedTracks) -> str:
@@ -142,16 +126,11 @@ def _build_row(event: Event, tracks: ExternalTracks) -> tuple[str, ...]:
     x, y = event.location
     return (
         event.type.replace("_", " ") + more,
-        _name_agent(event.from_, tracks),
-        _name_agent(event.to, tracks),
+        *(f"{n} ({tracks.subtypes[n]})" for n in (event.from_, event.to)),
         f"{event.time:.1f} s",
         f"({x:.1f}, {y:.1f})",
         format_evidence(event),
     )
-
-
-def _name_agent(number: int, tracks: ExternalTracks) -> str:
-    return f"{number} ({tracks.subtypes[number]})"
 
 
 def format_evidence(event: Event) -> str:

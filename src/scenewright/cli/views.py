@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from scenewright.cli.console import format_one_line
+from scenewright.cli.console import format_one_line, write_stdout
 from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.options import argument, option
 from scenewright.cli.output_folder import fill_folder, shorten_path, target_folder
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.extras import MissingPackageError
+from scenewright.files import write_atomically
 
 if TYPE_CHECKING:
     from scenewright.authoring.session import SessionVersion
@@ -94,24 +96,36 @@ def write_view(
         write_player(path, scene=scene, proof=proof, intersection=intersection_map)
 
 
-def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], list[str]]:
-    """The folder, its files and what could not be added.
+def save_scene(
+    target: Path,
+    files: Mapping[str, bytes],
+    views: Mapping[str, Callable[[Path], None]],
+    log: Callable[[str], None] = lambda _: None,
+) -> tuple[Path, list[str], list[str]]:
+    """Writes a scene's folder as a whole: it, its files, and what could not be added (`add_views`).
 
     Raises:
         InputError: the folder cannot be written.
     """
-    from scenewright.files import write_atomically
-
-    target = target_folder(path, force=None)
     with fill_folder(target) as part:
-        write_atomically(part / "scene.json", shown.scene_json)
-        write_atomically(part / "proof.json", shown.proof_json)
-        write_atomically(part / "provenance.json", shown.provenance_json)
-        draw = partial(write_view, "png", scene=shown.record, proof=shown.proof)
-        views = {"scene.png": draw, "scene.rrd": partial(record_version, shown)}
-        warnings = add_views(part, views)
-        files = sorted(entry.name for entry in part.iterdir())
-    return shorten_path(target), files, warnings
+        for name, data in files.items():
+            write_atomically(part / name, data)
+        warnings = add_views(part, views, log)
+        names = sorted(entry.name for entry in part.iterdir())
+        stop_if_asked()
+    return shorten_path(target), names, warnings
+
+
+def save_version(shown: SessionVersion, path: str) -> tuple[Path, list[str], list[str]]:
+    """A version as a folder (see `save_scene`)."""
+    files = {
+        "scene.json": shown.scene_json,
+        "proof.json": shown.proof_json,
+        "provenance.json": shown.provenance_json,
+    }
+    draw = partial(write_view, "png", scene=shown.record, proof=shown.proof)
+    views = {"scene.png": draw, "scene.rrd": partial(record_version, shown)}
+    return save_scene(target_folder(path, force=None), files, views)
 
 
 def record_version(shown: SessionVersion, path: Path) -> None:
@@ -130,33 +144,51 @@ def record_version(shown: SessionVersion, path: Path) -> None:
     )
 
 
-def write_views(scenes: Sequence[str], files: Mapping[ViewKind, str], *, whole: bool) -> list[str]:
-    """Writes the views that were asked for, kind -> file; of several scenes contact sheets.
+def show(
+    scenes: list[str] = argument(
+        ...,
+        "A scene's folder, or its scene.rrd; several, or a dataset's folder, with --png.",
+        metavar="SCENE...",
+    ),
+    png: str | None = option(
+        None, "Write a picture; of several scenes contact sheets.", metavar="F"
+    ),
+    html: str | None = option(
+        None, "Write a page that plays and explains it, to share.", metavar="F"
+    ),
+    gif: str | None = option(None, "Write an animation.", metavar="F"),
+    mp4: str | None = option(None, "Write a video (extra `video`, or ffmpeg).", metavar="F"),
+    whole: bool = option(False, "Animations go on to the end of the scene."),
+) -> None:
+    """Open a scene's recording in the rerun viewer, or write its views to files."""
+    asked: dict[ViewKind, str | None] = {"png": png, "html": html, "gif": gif, "mp4": mp4}
+    files = {kind: name for kind, name in asked.items() if name is not None}
+    if not files:
+        from scenewright.viz.recording import open_recording
 
-    Returns the names of the files. The proof is computed anew, so that a page never shows that of
-    another scene.
-
-    Raises:
-        InputError: there is no scene, or a file cannot be written.
-    """
-    from scenewright.dataset.batch.manifest import MANIFEST, list_scenes
+        if len(scenes) > 1:
+            raise InputError("one recording is opened at a time; --png F draws several scenes")
+        open_recording(scenes[0])
+        return
+    from scenewright.cli.verify import list_scene_files
+    from scenewright.dataset.batch.manifest import MANIFEST
     from scenewright.graph.run import load_scene, verify
 
-    folders = [Path(each) for each in scenes]
-    if (folders[0] / MANIFEST).is_file():
-        folders = [scene for each in folders for scene in list_scenes(each)]
-    elif len(folders) > 1:  # DIR/* names the dataset's tables and pictures as well
-        folders = [each for each in folders if (each / "scene.json").is_file()]
-    if folders != [Path(scenes[0])]:
-        if [*files] != ["png"]:
+    if len(scenes) > 1:  # DIR/* names the dataset's tables and pictures as well
+        known = ("scene.json", MANIFEST)
+        scenes = [each for each in scenes if any((Path(each) / name).is_file() for name in known)]
+    folders = [folder for each in scenes for folder in list_scene_files(each)]
+    # The proof is computed anew, so that a page never shows that of another scene.
+    shown = ((each.name, scene, verify(scene)) for each in folders for scene in [load_scene(each)])
+    written = list(files.values())
+    if len(folders) == 1 and folders == [Path(scenes[0])]:
+        ((_, scene, proof),) = shown
+        for kind, name in files.items():
+            write_view(kind, Path(name), scene, proof, whole=whole)
+    else:
+        if png is None or len(files) > 1:
             raise InputError("of several scenes there are contact sheets alone: --png F")
         from scenewright.viz.contact_sheet import draw_contact_sheets
 
-        records = ((each.name, load_scene(each)) for each in folders)
-        shown = ((name, scene, verify(scene)) for name, scene in records)
-        return draw_contact_sheets(files["png"], shown)
-    record = load_scene(scenes[0])
-    proof = verify(record)
-    for kind, name in files.items():
-        write_view(kind, Path(name), record, proof, whole=whole)
-    return [*files.values()]
+        written = draw_contact_sheets(png, shown)
+    write_stdout("".join(f"{name}\n" for name in written))

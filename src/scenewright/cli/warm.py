@@ -8,17 +8,15 @@ import signal
 import time
 from typing import Any
 
-import typer
-
-from scenewright.cli.console import say_if_new, show_progress, write_result
+from scenewright.cli.console import ProgressCallback, Result, say_if_new
 from scenewright.cli.errors import NOT_VERIFIED
-from scenewright.cli.options import Json, Quiet, option
+from scenewright.cli.options import option
 
 LOOPS = 190
 """That both processes compile, for the progress."""
 
 
-def warm(quiet: Quiet = False, as_json: Json = False) -> None:
+def warm(log: ProgressCallback) -> Result:
     """Compile the innermost loops, once after an installation, so that no scene waits for it."""
     from scenewright.compiled import watch_compiling
     from scenewright.graph.run import synthesize
@@ -33,7 +31,7 @@ def warm(quiet: Quiet = False, as_json: Json = False) -> None:
             left = max(LOOPS - count, 0) * spent / count
             log("compiling", f"{count} of about {LOOPS} loops, about {left:.0f} s left")
 
-    with show_progress(quiet=quiet) as log, watch_compiling(tell) as names:
+    with watch_compiling(tell) as names:
         helper.start()
         synthesize("A car hits a pedestrian", seed=0)
         helper.join()
@@ -42,7 +40,7 @@ def warm(quiet: Quiet = False, as_json: Json = False) -> None:
     seconds, count = time.monotonic() - begin, len(names) + elsewhere.value
     done = f"{count} loops compiled in {seconds:.0f} s, kept on disk\n"
     text = done if count else "nothing to compile: all loops are kept on disk\n"
-    write_result({"compiled": count, "seconds": round(seconds, 1)}, text, as_json=as_json)
+    return Result({"compiled": count, "seconds": round(seconds, 1)}, text)
 
 
 def compile_last_stages(compiled: Any) -> None:
@@ -83,10 +81,7 @@ def compile_last_stages(compiled: Any) -> None:
 _TEXT = "A car yields to a pedestrian"
 
 
-def check_installation(
-    as_json: Json = False,
-    seed: int = option(0, "Of the scene that is made."),
-) -> None:
+def check_installation(seed: int = option(0, "Of the scene that is made.")) -> Result:
     """Make a scene, verify it, and say so in one line; nothing is written."""
     from scenewright import __version__
     from scenewright.graph.run import synthesize, verify
@@ -103,6 +98,5 @@ def check_installation(
         "verdict": verdict,
     }
     text = ", ".join(f"{name} {value}" for name, value in facts.items()) + "\n"
-    write_result({"ok": verdict == "verified", **facts}, text, as_json=as_json)
-    if verdict != "verified":
-        raise typer.Exit(NOT_VERIFIED)
+    good = verdict == "verified"
+    return Result({"ok": good, **facts}, text, code=0 if good else NOT_VERIFIED)

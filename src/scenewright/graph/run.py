@@ -99,6 +99,14 @@ class Scene:
     state: SceneState
     messages: tuple[tuple[str, str], ...]
 
+    def list_files(self, *, profile: Profile = "full") -> dict[str, bytes]:
+        """The contents of provenance.json, proof.json and scene.json, by name (see `save`)."""
+        full = profile == "full"
+        scene = encode_scene(self.record) if full else format_json_line(self.record.to_paper())
+        provenance = format_json_line(self.provenance)
+        proof = encode_proof(self.proof)
+        return {"provenance.json": provenance, "proof.json": proof, "scene.json": scene}
+
     def save(self, folder: str | Path, *, profile: Profile = "full") -> Path:
         """Writes scene.json, proof.json and provenance.json, each whole or not at all.
 
@@ -107,14 +115,8 @@ class Scene:
                 cannot be verified again.
         """
         target = make_folder(folder)
-        write_atomically(target / "provenance.json", format_json_line(self.provenance))
-        write_atomically(target / "proof.json", encode_proof(self.proof))
-        scene = (
-            encode_scene(self.record)
-            if profile == "full"
-            else format_json_line(self.record.to_paper())
-        )
-        write_atomically(target / "scene.json", scene)
+        for name, data in self.list_files(profile=profile).items():
+            write_atomically(target / name, data)
         return target
 
 

@@ -7,16 +7,14 @@ import re
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
-from starlette.responses import HTMLResponse, JSONResponse, Response
-from starlette.routing import Route
+from pydantic import Field
+from starlette.responses import HTMLResponse
 
-from scenewright.cli.page.answers import answer_safely, read_bytes
+from scenewright.cli.page.routes import Upload
 from scenewright.dataset.batch.rows import DatasetRow, read_source
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
@@ -40,55 +38,30 @@ class Batches:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._lock = threading.Lock()
 
-    def list_routes(self) -> list[Route]:
+    def list_answers(self) -> dict[str, Callable[..., Any]]:
         """Every address of batches."""
-        return [
-            Route("/api/batches", answer_safely(self.answer_list)),
-            Route("/api/batches/new", answer_safely(self.answer_start), methods=["POST"]),
-            Route("/api/batches/{batch}", answer_safely(self.answer_progress)),
-            Route("/api/batches/{batch}/go", answer_safely(self.answer_go_on), methods=["POST"]),
-            Route("/api/batches/{batch}/stop", answer_safely(self.answer_stop), methods=["POST"]),
-            Route("/api/batches/{batch}/{row:int}/page.html", answer_safely(self.answer_scene)),
-        ]
+        return {
+            "GET /api/batches": self.list_names,
+            "POST /api/batches/new": self.start,
+            "GET /api/batches/{batch}": self.describe,
+            "POST /api/batches/{batch}/go": self.go_on,
+            "POST /api/batches/{batch}/stop": self.stop,
+            "GET /api/batches/{batch}/{row:int}/page.html": self.show_scene,
+        }
 
-    def answer_list(self, _request: Request) -> Response:
-        """The names of all batches, the newest first."""
-        return JSONResponse({"batches": self.list_names()})
-
-    async def answer_start(self, request: Request) -> Response:
-        """A new batch of the rows that are the request's body."""
-        body = await read_bytes(request, MOST_ROWS_BYTES)
-        place = request.query_params.get("intersection", "amsterdam_120")
-        backend = request.query_params.getlist("backend")
-        name = await run_in_threadpool(self.start, body, place, backend)
-        return JSONResponse({"batch": name})
-
-    def answer_progress(self, request: Request) -> Response:
-        """How far a batch is, and its rows from the number `after` on."""
-        after = request.query_params.get("after", "0")
-        if not re.fullmatch(r"\d{1,9}", after):
-            raise InputError("after must be a number")
-        return JSONResponse(self.describe(request.path_params["batch"], int(after)))
-
-    def answer_go_on(self, request: Request) -> Response:
-        """Goes on with a batch that was stopped."""
-        self.go_on(request.path_params["batch"])
-        return JSONResponse({"ok": True})
-
-    def answer_stop(self, request: Request) -> Response:
+    def stop(self, batch: str) -> dict[str, Any]:
         """Stops a batch; what is made stays."""
-        name = request.path_params["batch"]
-        self._find(name)
+        self._find(batch)
         with self._lock:
-            _end(self._running.get(name))
-        return JSONResponse({"ok": True})
+            _end(self._running.get(batch))
+        return {"ok": True}
 
-    def answer_scene(self, request: Request) -> Response:
+    def show_scene(self, batch: str, row: int) -> HTMLResponse:
         """The self-contained page of a scene, by its place in the journal."""
         from scenewright.graph.run import load_scene, verify
         from scenewright.viz.html_player import build_player
 
-        folder, row = self._find(request.path_params["batch"]), request.path_params["row"]
+        folder = self._find(batch)
         entries = list(_read_journal(folder))
         if row >= len(entries) or entries[row]["status"] != "made":
             raise InputError("there is no scene of this row")
@@ -98,13 +71,18 @@ class Batches:
         page.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
         return page
 
-    def list_names(self) -> list[str]:
-        """Names of all batches, the newest first."""
+    def list_names(self) -> dict[str, Any]:
+        """The names of all batches, the newest first."""
         found = [each.parent.name for each in self._folder.glob(f"batch-*/{_SETTING}")]
-        return sorted(found, key=lambda name: -int(name.partition("-")[2]))
+        return {"batches": sorted(found, key=lambda name: -int(name.partition("-")[2]))}
 
-    def start(self, rows: bytes, intersection: str, backend: Sequence[str]) -> str:
-        """Begins a batch of these rows and returns its name.
+    def start(
+        self,
+        rows: Annotated[bytes, Upload(MOST_ROWS_BYTES, "application/x-ndjson")],
+        intersection: str = "amsterdam_120",
+        backend: list[str] = [],  # noqa: B006 -- never changed
+    ) -> dict[str, Any]:
+        """A new batch of the rows that are the request's body.
 
         Raises:
             InputError: a row, the intersection or the folder cannot be used.
@@ -119,28 +97,30 @@ class Batches:
                 (folder / _ROWS).unlink()
                 folder.rmdir()
                 raise InputError(str(error).replace(str(folder / _ROWS), "the rows")) from None
-            setting = {"intersection": intersection, "backend": list(backend), "rows": count}
+            setting = {"intersection": intersection, "backend": backend, "rows": count}
             write_atomically(folder / _SETTING, json.dumps(setting).encode())
-        self.go_on(folder.name)
-        return folder.name
+        return self.go_on(folder.name)
 
-    def go_on(self, name: str) -> None:
+    def go_on(self, batch: str) -> dict[str, Any]:
         """Makes what is not made yet; nothing if that is being done."""
-        folder = self._find(name)
+        folder = self._find(batch)
         with self._lock:
-            process = self._running.get(name)
+            process = self._running.get(batch)
             if process is None or process.poll() is not None:
-                self._running[name] = _launch(folder, self._time_limit, lawful=self._lawful)
+                self._running[batch] = _launch(folder, self._time_limit, lawful=self._lawful)
+        return {"batch": batch}
 
     def close(self) -> None:
         """Ends all processes; the batches can be gone on with."""
         for process in self._running.values():
             _end(process)
 
-    def describe(self, name: str, after: int) -> dict[str, Any]:
-        """How far a batch is, and the rows that came to an end, from the number `after` on."""
-        folder = self._find(name)
-        process = self._running.get(name)
+    def describe(
+        self, batch: str, after: Annotated[int, Field(ge=0, lt=10**9)] = 0
+    ) -> dict[str, Any]:
+        """How far a batch is, and its rows that came to an end, from the number `after` on."""
+        folder = self._find(batch)
+        process = self._running.get(batch)
         running = process is not None and process.poll() is None
         entries = list(_read_journal(folder))
         setting = json.loads((folder / _SETTING).read_bytes())
@@ -149,7 +129,7 @@ class Batches:
         shown = list(enumerate(entries))[after : after + MOST_AT_ONCE]
         done = len({each["number"] for each in entries})
         return {
-            "batch": name, "rows": setting["rows"], "done": done, "running": running,
+            "batch": batch, "rows": setting["rows"], "done": done, "running": running,
             "error": "" if running else _read_error(folder),
             "scenes": [_describe_row(folder, each, n, rows) for n, each in shown],
         }  # fmt: skip

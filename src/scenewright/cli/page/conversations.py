@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,9 +13,10 @@ from scenewright.authoring.read_turn import SENTENCE
 from scenewright.authoring.session import LENIENT, MAIN, Session, SessionVersion, list_branches
 from scenewright.authoring.thread_state import ThreadState
 from scenewright.backends import Backend
-from scenewright.cli.chat import build_facts
+from scenewright.cli.console import ProgressCallback
 from scenewright.cli.options import SessionOptions
 from scenewright.cli.sessions import (
+    add_facts,
     choose_free_name,
     compare,
     get_version,
@@ -26,7 +26,6 @@ from scenewright.cli.sessions import (
 from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
 from scenewright.graph.run import check_plan, plan_instruction
-from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
 from scenewright.nodes.remaining import OR_LENIENT
 from scenewright.scene.phrasing import call_agents, describe_graph, speak_plainly
@@ -34,9 +33,7 @@ from scenewright.scene.plan_file import PlanFile, compute_digest, read_plan
 from scenewright.scene.record import NEXT_TEXT
 from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import limit_time
-from scenewright.viz.html_player import build_player
 
-ProgressCallback = Callable[[str, str], None]
 LONGEST_WORDS = 20_000
 LEAVE_OUT = "Leave it out"
 
@@ -56,7 +53,7 @@ class Conversation:
         return self.log is not None
 
     def act(self, action: str, argument: str, log: ProgressCallback) -> dict[str, Any]:
-        """One turn, of an action in `schema.ACTIONS`; the reply with lines for people.
+        """One turn, of an action in `asked.ACTIONS`; the reply with lines for people.
 
         Raises:
             BusyError: another turn is being worked on.
@@ -98,12 +95,9 @@ class Conversation:
 
     def _report(self, reply: dict[str, Any], state: ThreadState) -> dict[str, Any]:
         """The reply of a turn that left the thread in this state, in words of people."""
-        made = reply["kind"] in ("made", "moved_to")
-        shown = self.session.find_version(reply["version"]) if made else None
         if reply["kind"] == "wish":
             reply = {"kind": "nothing", "reason": _WISHES[reply["wish"]]}
-        if shown is not None:
-            reply = {**reply, **build_facts(shown)}
+        reply, shown = add_facts(self.session, reply)
         choices = _list_choices(reply, state)
         if reply["kind"] == "asked":
             asked, offered, _ = reply["question"].partition(" Do you mean 1: ")
@@ -159,15 +153,6 @@ class Conversation:
     def find(self, which: str | None) -> SessionVersion:
         """A version by number or branch, the current one if none is named; InputError without."""
         return get_version(self.session, which)
-
-    def build_page(self, which: str | None, over: str | None = None) -> str:
-        """The self-contained page of a version, with another one laid over it if one is named."""
-        shown = self.find(which)
-        return build_player(
-            scene=shown.record, proof=shown.proof,
-            intersection=load_map(shown.record.meta.intersection),
-            over=self.find(over).record if over else None,
-        )  # fmt: skip
 
     def compare(self, first: str, second: str) -> list[str]:
         """What differs between two versions, in lines."""

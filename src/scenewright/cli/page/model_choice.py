@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from typing import Any
 
-from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
-from starlette.routing import Route
-
 from scenewright.backends import load_backend
-from scenewright.cli.page.answers import answer_safely, read_model
+from scenewright.cli.page.asked import BackendChoice
 from scenewright.cli.page.conversations import Conversations
-from scenewright.cli.page.schema import BackendChoice
 from scenewright.errors import InputError
 
 KEYS = {"anthropic": "ANTHROPIC_API_KEY", "openai": "OPENAI_API_KEY"}
@@ -28,35 +23,23 @@ class ModelChoice:
         self._conversations = conversations
         self.name = name
 
-    def list_routes(self) -> list[Route]:
+    def list_answers(self) -> dict[str, Callable[..., Any]]:
         """The addresses of the settings."""
-        return [
-            Route("/api/settings", answer_safely(self.answer_settings)),
-            Route("/api/settings/backend", answer_safely(self.answer_choice), methods=["POST"]),
-        ]
-
-    def answer_settings(self, _request: Request) -> Response:
-        """The backend, and for which makers of models there is a key."""
-        return JSONResponse(self.describe())
-
-    async def answer_choice(self, request: Request) -> Response:
-        """Another backend: {"backend", "base_url"?}."""
-        asked = await read_model(request, BackendChoice)
-        await run_in_threadpool(self.choose, asked.backend, asked.base_url)
-        return JSONResponse(self.describe())
+        return {"GET /api/settings": self.describe, "POST /api/settings/backend": self.choose}
 
     def describe(self) -> dict[str, Any]:
         """The backend, and whether the environment holds the key of each maker."""
         keys = {key: bool(os.environ.get(key)) for key in KEYS.values()}
         return {"backend": self.name, "keys": keys}
 
-    def choose(self, name: str, base_url: str) -> None:
+    def choose(self, asked: BackendChoice) -> dict[str, Any]:
         """Another backend from now on.
 
         Raises:
             InputError: there is none such, or its key or package is missing.
         """
-        if not _NAMES.fullmatch(name):
+        if not _NAMES.fullmatch(asked.backend):
             raise InputError("a backend is builtin, anthropic:MODEL or openai:MODEL")
-        self._conversations.speak_with(load_backend(name, base_url=base_url or None))
-        self.name = name
+        self._conversations.speak_with(load_backend(asked.backend, base_url=asked.base_url or None))
+        self.name = asked.backend
+        return self.describe()

@@ -5,17 +5,14 @@ from __future__ import annotations
 import hashlib
 import re
 import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
-from starlette.routing import Route
 
-from scenewright.cli.page.answers import answer_safely, read_bytes, read_model
-from scenewright.cli.page.schema import JunctionChoice
+from scenewright.cli.options import ImportOptions
+from scenewright.cli.page.routes import Upload
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 
@@ -30,28 +27,16 @@ class OwnMaps:
         self._folder = folder
         self._lock = threading.Lock()
 
-    def list_routes(self) -> list[Route]:
+    def list_answers(self) -> dict[str, Callable[..., Any]]:
         """Every address of one's own maps."""
-        post = ["POST"]
-        return [
-            Route("/api/maps", answer_safely(self.answer_file), methods=post),
-            Route("/api/maps/{map}/import", answer_safely(self.answer_import), methods=post),
-        ]
+        return {"POST /api/maps": self.keep, "POST /api/maps/{map}/import": self.import_junction}
 
-    async def answer_file(self, request: Request) -> Response:
-        """Keeps the map file that is the request's body; its junctions and roads [m]."""
-        body = await read_bytes(request, MOST_MAP_BYTES)
-        name = request.query_params.get("name", "")
-        return JSONResponse(await run_in_threadpool(self.keep, name, body))
-
-    async def answer_import(self, request: Request) -> Response:
-        """Makes an intersection of a junction: {"name", "junction"?, "side"?, "signals"?}."""
-        asked = await read_model(request, JunctionChoice)
-        name = request.path_params["map"]
-        return JSONResponse(await run_in_threadpool(self.import_junction, name, asked))
-
-    def keep(self, name: str, data: bytes) -> dict[str, Any]:
-        """Keeps a file and lists what can be chosen from it.
+    def keep(
+        self,
+        data: Annotated[bytes, Upload(MOST_MAP_BYTES, "application/octet-stream")],
+        name: str = "",
+    ) -> dict[str, Any]:
+        """Keeps the map file that is the request's body; its junctions and roads [m].
 
         Raises:
             InputError: it is no map that can be read.
@@ -83,22 +68,17 @@ class OwnMaps:
             "roads": [np.round(road, 1).tolist() for road in overview.roads],
         }
 
-    def import_junction(self, name_of_file: str, asked: JunctionChoice) -> dict[str, Any]:
-        """Makes an intersection; what was made and assumed, in lines.
+    def import_junction(self, map: str, asked: ImportOptions) -> dict[str, Any]:
+        """Makes an intersection of a junction of a file; what was made and assumed, in lines.
 
         Raises:
             InputError: the file, the junction or an option cannot be used.
         """
         from scenewright.cli.custom_intersections import import_file, import_text
-        from scenewright.cli.options import ImportOptions
 
-        path = self._folder / name_of_file
-        if not re.fullmatch(r"[0-9a-f]{16}\.[a-z.]+", name_of_file) or not path.is_file():
+        path = self._folder / map
+        if not re.fullmatch(r"[0-9a-f]{16}\.[a-z.]+", map) or not path.is_file():
             raise InputError("this file is not here any more; drop it again")
-        options = ImportOptions(
-            name=asked.name, junction=asked.junction or None, signals=asked.signals or "keep",
-            left_hand=None if not asked.side else asked.side == "left",
-        )  # fmt: skip
         with self._lock:
-            facts = import_file(str(path), options, log=lambda _stage, _line: None)
+            facts = import_file(str(path), asked, log=lambda _stage, _line: None)
         return {"name": facts["name"], "lines": import_text(facts)}

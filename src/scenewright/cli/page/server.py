@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from functools import lru_cache, partial
 from importlib.resources import files
 from pathlib import Path
@@ -17,17 +17,12 @@ from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.base import BaseHTTPMiddleware
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from scenewright.backends import Backend
 from scenewright.cli.options import SessionOptions
-from scenewright.cli.page.answers import (
-    answer_safely,
-    describe_fault,
-    read_model,
-    refuse,
-)
+from scenewright.cli.page.asked import NewThread, PlanSource, Turn
 from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import (
     Conversation,
@@ -37,9 +32,9 @@ from scenewright.cli.page.conversations import (
 )
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
-from scenewright.cli.page.saved import SAVED, write_saved
-from scenewright.cli.page.schema import NewThread, PlanSource, Turn, describe_routes
+from scenewright.cli.page.routes import build_routes, describe_fault, refuse
 from scenewright.cli.page.suggestions import list_places, list_words
+from scenewright.cli.saved import SAVED, write_saved
 from scenewright.cli.views import render
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.extras import describe_missing
@@ -52,10 +47,8 @@ _POLICY = (
     "img-src 'self' data:; frame-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
 )
-_ASSETS = {
-    name: "text/css" if name.endswith(".css") else "text/javascript"
-    for name in ("app.css", "app.js", "batch.js", "places.js", "hand.js", "plan.js", "run_graph.js")
-}
+_ASSETS = ("app.css", "app.js", "batch.js", "places.js", "hand.js", "plan.js", "run_graph.js")
+_KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 
 
 class Guard(BaseHTTPMiddleware):
@@ -111,150 +104,141 @@ class Page:
 
     def list_routes(self) -> list[Route]:
         """Every address that the page asks for."""
-        post = ["POST"]
-        routes = [
-            Route("/", self.send_index),
-            *(Route(f"/{name}", _send_asset) for name in _ASSETS),
-            Route("/api/start", answer_safely(self.describe_start)),
-            Route("/api/threads", answer_safely(self.create_thread), methods=post),
-            Route("/api/threads/{thread}", answer_safely(self.describe_thread)),
-            Route("/api/threads/{thread}/turn", answer_safely(self.take_turn), methods=post),
-            Route("/api/threads/{thread}/compare", answer_safely(self.compare_versions)),
-            Route("/api/threads/{thread}/made", answer_safely(self.describe_making)),
-            Route("/api/threads/{thread}/handles", answer_safely(self.list_handles)),
-            Route("/api/threads/{thread}/log", answer_safely(self.list_log)),
-            Route("/api/threads/{thread}/{name}", answer_safely(self.send_file)),
-            Route("/api/intersections/{name}.png", answer_safely(self.draw_map)),
-            Route("/api/plan/schema", answer_safely(self.send_plan_schema)),
-            Route("/api/plan", answer_safely(self.describe_plan), methods=post),
-            *self._choice.list_routes(),
-            *self._batches.list_routes(),
-            *self._own_maps.list_routes(),
-        ]
-        return [*routes, describe_routes(routes)]
+        answers: dict[str, Callable[..., Any]] = {
+            "GET /api/start": self.describe_start,
+            "POST /api/threads": self.create_thread,
+            "GET /api/threads/{thread}": self.describe_thread,
+            "POST /api/threads/{thread}/turn": self.take_turn,
+            "GET /api/threads/{thread}/compare": self.compare_versions,
+            "GET /api/threads/{thread}/made": self.describe_making,
+            "GET /api/threads/{thread}/handles": self.list_handles,
+            "GET /api/threads/{thread}/log": self.list_log,
+            "GET /api/threads/{thread}/{name}": self.send_file,
+            "GET /api/intersections/{name}.png": self.draw_map,
+            "GET /api/plan/schema": self.send_plan_schema,
+            "POST /api/plan": self.describe_plan,
+            **self._choice.list_answers(),
+            **self._batches.list_answers(),
+            **self._own_maps.list_answers(),
+        }
+        assets = [Route(f"/{name}", _send_asset) for name in ("", *_ASSETS)]
+        return [*assets, *build_routes(answers)]
 
-    async def send_index(self, _request: Request) -> Response:
-        """The page itself."""
-        return HTMLResponse(_read_asset("index.html"))
-
-    def describe_start(self, _request: Request) -> Response:
+    def describe_start(self) -> dict[str, Any]:
         """Intersections, words, formats, conversations, backend, what is missing to import maps."""
         from scenewright.tools.formats import FORMATS
         from scenewright.tools.map_import.check_file import SUMO
 
-        return JSONResponse(
-            {
-                "intersections": list_places(),
-                "words": list_words(),
-                "formats": {name: each.title for name, each in FORMATS.items()},
-                "threads": self._conversations.list_names(),
-                "backend": self._choice.name,
-                "intersection": self._intersection,
-                "missing": describe_missing(*SUMO),
-            }
-        )
+        return {
+            "intersections": list_places(),
+            "words": list_words(),
+            "formats": {name: each.title for name, each in FORMATS.items()},
+            "threads": self._conversations.list_names(),
+            "backend": self._choice.name,
+            "intersection": self._intersection,
+            "missing": describe_missing(*SUMO),
+        }
 
-    async def create_thread(self, request: Request) -> Response:
+    def create_thread(self, asked: NewThread) -> dict[str, Any]:
         """A new conversation: {"intersection", "seed"}."""
-        asked = await read_model(request, NewThread)
         place = asked.intersection or self._intersection
-        made = await run_in_threadpool(self._conversations.create, place, asked.seed)
-        return JSONResponse(await run_in_threadpool(made.describe))
+        return self._conversations.create(place, asked.seed).describe()
 
-    def describe_thread(self, request: Request) -> Response:
+    def describe_thread(self, thread: str) -> dict[str, Any]:
         """Versions, branches and what is current."""
-        return JSONResponse(self._find(request).describe())
+        return self._conversations.get(thread).describe()
 
-    async def take_turn(self, request: Request) -> Response:
+    async def take_turn(self, thread: str, asked: Turn) -> LinesResponse:
         """One turn, {"action", "argument"}; answers lines of JSON: stages, then the reply.
 
         The turn goes on to its end when the browser leaves; its version is there afterwards.
         """
-        asked = await read_model(request, Turn)
-        found = await run_in_threadpool(self._find, request)
+        found = await run_in_threadpool(self._conversations.get, thread)
         if found.busy:
             raise BusyError("a turn of this conversation is still being worked on")
         lines: asyncio.Queue[dict[str, Any] | None] = asyncio.Queue()
         task = asyncio.create_task(_work(found, asked, lines))
         self._running.add(task)
         task.add_done_callback(self._running.discard)
-        return StreamingResponse(_send_lines(lines), media_type="application/x-ndjson")
+        return LinesResponse(_send_lines(lines))
 
-    def compare_versions(self, request: Request) -> Response:
+    def compare_versions(self, thread: str, first: str = "", second: str = "") -> dict[str, Any]:
         """What differs between the versions `first` and `second`."""
-        query = request.query_params
-        lines = self._find(request).compare(query.get("first", ""), query.get("second", ""))
-        return JSONResponse({"lines": lines})
+        return {"lines": self._conversations.get(thread).compare(first, second)}
 
-    def list_handles(self, request: Request) -> Response:
+    def list_handles(self, thread: str, version: str | None = None) -> dict[str, Any]:
         """What can be changed by hand in a version."""
-        which = request.query_params.get("version")
-        return JSONResponse({"handles": self._find(request).list_handles(which)})
+        return {"handles": self._conversations.get(thread).list_handles(version)}
 
-    def list_log(self, request: Request) -> Response:
+    def list_log(self, thread: str) -> dict[str, Any]:
         """What was said so far, and every reply."""
-        return JSONResponse({"turns": self._find(request).list_log()})
+        return {"turns": self._conversations.get(thread).list_log()}
 
-    def describe_making(self, request: Request) -> Response:
+    def describe_making(self, thread: str, version: str | None = None) -> dict[str, Any]:
         """How a version came about: its provenance."""
-        shown = self._find(request).find(request.query_params.get("version"))
+        shown = self._conversations.get(thread).find(version)
         made = shown.provenance
         for each in made.get("rejections", []):
             each["detail"] = speak_plainly(each["detail"], shown.record)
-        return JSONResponse(made)
+        return made
 
-    def send_file(self, request: Request) -> Response:
+    def send_file(
+        self,
+        thread: str,
+        name: str,
+        version: str | None = None,
+        over: str | None = None,
+        download: str | None = None,
+        format: str = "",
+    ) -> Response:
         """`page.html`, `scene.json` or `proof.json` of a version; `download=1` saves it.
 
         `scene.png`, `scene.gif` and `scene.mp4` are its views, `export.zip` its files in a
         `format`. The page may have another version, `over`, laid over it.
         """
-        found, name = self._find(request), request.path_params["name"]
-        query, headers = request.query_params, {}
-        if name == "page.html":
-            body: str | bytes = found.build_page(query.get("version"), query.get("over"))
-            kind = "text/html"
-            # the page carries its own policy; only this server may frame it
-            headers["Content-Security-Policy"] = "frame-ancestors 'self'"
-        elif name in ("scene.json", "proof.json"):
-            shown = found.find(query.get("version"))
-            body = shown.scene_json if name == "scene.json" else shown.proof_json
-            kind = "application/json"
-        elif name in SAVED:
-            shown = found.find(query.get("version"))
-            body, kind = write_saved(shown, name, query.get("format", "")), SAVED[name]
-        else:
+        if name not in SAVED:
             raise HTTPException(404)
-        if "download" in query:
+        found, headers = self._conversations.get(thread), {}
+        upper = found.find(over) if over else None
+        body = write_saved(found.find(version), name, form=format, over=upper)
+        if name == "page.html":  # it carries its own policy; only this server may frame it
+            headers["Content-Security-Policy"] = "frame-ancestors 'self'"
+        if download is not None:
             headers["Content-Disposition"] = f'attachment; filename="{name}"'
-        return Response(body, media_type=kind, headers=headers)
+        return Response(body, media_type=SAVED[name], headers=headers)
 
-    def draw_map(self, request: Request) -> Response:
+    def draw_map(self, name: str) -> PictureResponse:
         """A picture of an intersection."""
-        return Response(_draw_intersection(request.path_params["name"]), media_type="image/png")
+        return PictureResponse(_draw_intersection(name))
 
-    def send_plan_schema(self, _request: Request) -> Response:
+    def send_plan_schema(self) -> dict[str, Any]:
         """The JSON Schema of plans, of which the form is made."""
-        return JSONResponse(build_plan_schema())
+        return build_plan_schema()
 
-    async def describe_plan(self, request: Request) -> Response:
+    def describe_plan(self, asked: PlanSource) -> dict[str, Any]:
         """A plan and its words, of {"words"}, of the fields of a {"plan"}, or of a {"thread"}."""
-        asked = await read_model(request, PlanSource)
-        found = await run_in_threadpool(self._find_plan, asked)
-        return JSONResponse(describe_plan_file(found))
-
-    def _find_plan(self, asked: PlanSource) -> PlanFile:
         place = asked.intersection or self._intersection
         if asked.plan is not None:
-            return check_plan_object(asked.plan, place)
+            return describe_plan_file(check_plan_object(asked.plan, place))
         if asked.thread is not None:
-            return self._conversations.get(asked.thread).find_plan(asked.version)
+            found = self._conversations.get(asked.thread)
+            return describe_plan_file(found.find_plan(asked.version))
         if asked.words is None:
             raise InputError("name words, a plan or a thread")
-        return PlanFile(self._conversations.plan(asked.words, place), asked.words, as_read=True)
+        plan = self._conversations.plan(asked.words, place)
+        return describe_plan_file(PlanFile(plan, asked.words, as_read=True))
 
-    def _find(self, request: Request) -> Conversation:
-        return self._conversations.get(request.path_params["thread"])
+
+class LinesResponse(StreamingResponse):
+    """Lines of JSON, each sent when it is there."""
+
+    media_type = "application/x-ndjson"
+
+
+class PictureResponse(Response):
+    """A picture."""
+
+    media_type = "image/png"
 
 
 def build_app(page: Page, *, token: str, hosts: frozenset[str]) -> Starlette:
@@ -287,8 +271,8 @@ async def _send_lines(lines: asyncio.Queue[dict[str, Any] | None]) -> AsyncItera
 
 
 async def _send_asset(request: Request) -> Response:
-    name = request.url.path.lstrip("/")
-    return Response(_read_asset(name), media_type=_ASSETS[name])
+    name = request.url.path.lstrip("/") or "index.html"
+    return Response(_read_asset(name), media_type=_KINDS[Path(name).suffix])
 
 
 @lru_cache

@@ -67,7 +67,8 @@ async function importMap() {
   find("own-import").disabled = true;
   sayAboutMap("Importing …");
   try {
-    const body = { name: find("own-name").value, junction: ownMap.junction, side: find("own-side").value, signals: find("own-signals").value };
+    const left_hand = { left: true, right: false }[find("own-side").value] ?? null;
+    const body = { name: find("own-name").value, junction: ownMap.junction || null, left_hand, signals: find("own-signals").value };
     const made = await ask(`/api/maps/${encodeURIComponent(ownMap.file)}/import`, { body });
     sayAboutMap(made.lines.join("\n"));
     showPlaces((await ask("/api/start")).intersections, made.name);
