@@ -21,6 +21,7 @@ from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import (
     AddAgent,
     ChangeAgent,
+    ChangeContext,
     DeclinedTurn,
     Edit,
     Edits,
@@ -38,6 +39,7 @@ from scenewright.scene.edits import (
 from scenewright.scene.measures import UNITS, Measure, MeasureKind
 from scenewright.scene.route_table import WAY_FIELDS
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
+from scenewright.tools.gmm_sampler.background_counts import DENSITIES
 
 SURE, LIKELY = 0.75, 0.45
 """Probabilities from which an intent overrides what was read otherwise, or is ignored."""
@@ -124,8 +126,8 @@ def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool
             return every and all((e.factor < 1) == (intent == "slower") for e in paces)
         case "slower" | "faster":
             return re.search(r"\d", plain) is not None
-        case "more_traffic" | "less_traffic" if re.search(r"\b(?:half|twice|double)\b", plain):
-            return all(each.edit == "set_background" for each in reading.edits)
+        case "clock" | "more_traffic" | "less_traffic":
+            return _changes_context(reading, talk, plain, intent)
         case "not_react":
             return False  # whether there is anything to react to is seen by the wish alone
         case "closer" | "less_close" | "harder" | "softer":  # what happens stays, by how much not
@@ -145,6 +147,19 @@ def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool
             related = any(isinstance(each, Relate) for each in reading.edits)
             return (follows or related) and not relates_known(reading, talk)
     return True
+
+
+def _changes_context(reading: Edits, talk: Talk, plain: str, intent: str) -> bool:
+    """Whether the hour becomes another; or whether more, or fewer, others are around than now."""
+    was, now = talk.situation.graph.context, sum(talk.count_others().values())
+    edits = [each for each in reading.edits if isinstance(each, ChangeContext)]
+    if intent == "clock":
+        return any(each.time_of_day != was.time_of_day for each in edits)
+    relative = re.search(r"\b(?:half|twice|double)\b", plain) is not None
+    ranges = [DENSITIES[each.density or "medium"] for each in edits]
+    return not (edits and relative) and all(
+        now < least if intent == "more_traffic" else now > most for least, most in ranges
+    )
 
 
 def _find_turn(plain: str) -> str | None:
@@ -381,13 +396,15 @@ def _reverse(wish: EditIntent) -> _Answer:
 
 
 def _change_clock(wish: EditIntent) -> _Answer:
-    for hour, pattern in WORDS["intent_edits"]["hours"]:
+    for known, pattern in WORDS["intent_edits"]["hours"]:
         found = re.search(pattern, wish.plain)
-        if found is not None and hour:
-            return f"make it {hour}"
-        if found is not None:
+        if found is None:
+            continue
+        hour, density = known, wish.talk.situation.graph.context.density
+        if not hour:
             late = wish.says(r"evening|afternoon|night|\bpm\b") and int(found[1]) < 12
-            return f"make it {(int(found[1]) + (12 if late else 0)) % 24:02d}:{found[2] or '00'}"
+            hour = f"{(int(found[1]) + (12 if late else 0)) % 24:02d}:{found[2] or '00'}"
+        return make_edits(ChangeContext(density=density, time_of_day=hour))
     return None
 
 

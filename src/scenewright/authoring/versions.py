@@ -26,7 +26,7 @@ _MOST_TRIES = 10
 """Attempts with frozen agents before all agents are drawn anew."""
 
 _UNPINNED = Budgets(generator=5)
-"""How long one attempt with pins is tried before more may move."""
+"""Of an attempt in which all agents, or those of the background, are drawn."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +159,7 @@ class _Trial:
             count = len(pins.earlier.agents)
             self._log("session", f"trying with {len(pins.same)} of {count} agents as they are")
             setting = self._setting
+            settled = pins.known and pins.background is not None
             try:
                 scene = synthesize(
                     self._text,
@@ -168,7 +169,7 @@ class _Trial:
                     refiner=setting.refiner,
                     planned=self._revision.graph,
                     pinned=pins,
-                    budgets=_PINNED if pins.known else _UNPINNED,
+                    budgets=_PINNED if settled else _UNPINNED,
                     recall=setting.recall,
                     lawful=setting.lawful,
                     lenient=setting.lenient,

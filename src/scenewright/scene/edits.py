@@ -100,7 +100,8 @@ class Tie(Model):
 
 
 class ChangeContext(Model):
-    """Density and time of day become these; numbers of the background are edits of their own."""
+    """Density and time of day become these, and the background is drawn anew where they differ;
+    numbers of the background are edits of their own."""
 
     edit: Literal["change_context"] = "change_context"
     density: Literal["low", "medium", "high"] | None = None
@@ -321,7 +322,9 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
             return graph.model_copy(update={"ties": ties})
         case ChangeContext():
             changes = {"density": edit.density, "time_of_day": edit.time_of_day}
-            context = {**graph.context.model_dump(), **changes}
+            # The later word counts, not a number before.
+            kept = graph.context.background if edit.density == graph.context.density else None
+            context = {**graph.context.model_dump(), **changes, "background": kept}
             return graph.model_copy(update={"context": SceneContext.model_validate(context)})
         case AddObject(node=node):
             return graph.model_copy(update={"objects": (*graph.objects, node)})

@@ -32,7 +32,7 @@ def _compare(
     before: SceneRecord, after: SceneRecord, tokens: Sequence[Token], mentions: Sequence[Mention]
 ) -> Iterator[str]:
     removes, adds = (any(each.is_in(name) for each in tokens) for name in ("removes", "adds"))
-    crowd = any(each.is_in("crowd") or each.has(*_CROWD) for each in tokens)
+    crowd = any(e.is_in("crowd") or e.has(*_CROWD) or e.kind == "clock" for e in tokens)
     deeds = any(each.is_in("swaps") or each.has(*_EVENTS) for each in tokens)
     old, new = _list_foreground(before), _list_foreground(after)
     gone, come = old.keys() - new.keys(), new.keys() - old.keys()
