@@ -6,8 +6,12 @@ import re
 from collections.abc import Sequence
 
 from scenewright.authoring.thread_state import ThreadState, Version
+from scenewright.authoring.vocabulary import compile_words
 from scenewright.backends.offline import CLASSES
+from scenewright.scene.edits import Edit, diff_graphs
+from scenewright.scene.social import ObjectNode, SocialGraph
 
+_RETURNS = compile_words("talk.returns")
 _NEWEST = re.compile(r"\b(?:latest|newest|most recent|last one i)\b")
 _FIRST = re.compile(r"\b(?:first|original|very start|beginning|oldest)\b")
 _BEFORE = re.compile(r"\bbefore\b (?P<what>.*)")
@@ -49,6 +53,28 @@ def find_version(words: str, state: ThreadState) -> int | None:
     if best[0] > 0:
         return best[1]
     return versions[0]["number"] if _FIRST.search(plain) else None
+
+
+def find_removal(words: str, state: ThreadState) -> tuple[int, tuple[Edit, ...]] | None:
+    """The version that took away what the words want back, and the edits that bring it back.
+
+    The latest one counts of those that the current version comes from; "it" is whatever went.
+    """
+    found = _RETURNS.search(words.lower().strip(" .!"))
+    if found is None:
+        return None
+    versions = {each["number"]: each for each in state.get("versions", [])}
+    number, wanted = state.get("current"), _list_tokens(found["what"])
+    while number is not None and (parent := versions[number]["parent"]) is not None:
+        now, before = (SocialGraph.model_validate(versions[n]["graph"]) for n in (number, parent))
+        there = {each.id for each in (*now.agents, *now.objects)}
+        gone = [each for each in (*before.agents, *before.objects) if each.id not in there]
+        kinds = {k for each in gone for k in (getattr(each, "type", None), each.subtype, each.id)}
+        kinds |= {each.kind for each in gone if isinstance(each, ObjectNode)}
+        if gone and (kinds & wanted or not wanted):
+            return number, diff_graphs(now, before)
+        number = parent
+    return None
 
 
 def _find_absence(what: str, state: ThreadState) -> int | None:

@@ -14,12 +14,16 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
+from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.talk import Talk, simplify
 from scenewright.authoring.vocabulary import compile_words, fill_in
 from scenewright.backends.offline import WORDS, Named, find_named, rank_intents
+from scenewright.scene.account import NAME
 from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import (
     AddAgent,
+    AddObject,
+    CallAgent,
     ChangeAgent,
     ChangeContext,
     DeclinedTurn,
@@ -36,7 +40,8 @@ from scenewright.scene.edits import (
     SetPace,
     WaitLonger,
 )
-from scenewright.scene.measures import UNITS, Measure, MeasureKind
+from scenewright.scene.kinds import has_trait
+from scenewright.scene.measures import MOST_OF_CLASS, UNITS, Measure, MeasureKind
 from scenewright.scene.route_table import WAY_FIELDS
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
 from scenewright.tools.gmm_sampler.background_counts import DENSITIES
@@ -61,6 +66,9 @@ _NUMBER = compile_words("intent_edits.number")
 _RIDDEN = compile_words("intent_edits.ridden")
 _BEFORE_KIND = compile_words("intent_edits.before_kind")
 _SIDE = re.compile(r"\b(north|south|east|west)(bound)?(?:ern|erly)?\b")
+_JOINS = re.compile(r"\b(?:with|beside|next to|alongside)\b")
+_STANDS = re.compile(r"\b(?:double[- ]?)?(?:parked|stalled|standing|broken[- ]down) ")
+_FIRST = re.compile(r"\bfirst$")
 _IN_METRES = re.compile(r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b")
 _UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
 
@@ -113,43 +121,46 @@ def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool
     kinds = MAKES.get(intent, ())
     if not isinstance(reading, Edits) or not all(each.edit in kinds for each in reading.edits):
         return False
-    plain, side = words.lower(), _find_side(words.lower())
     nodes = [each.node for each in reading.edits if isinstance(each, ChangeAgent)]
-    paces = [each for each in reading.edits if isinstance(each, SetPace)]
     dials = [e.agent for e in reading.edits if isinstance(e, SetPace | WaitLonger | MoveStop)]
     named = {each.id for each in talk.find_agents(simplify(words))}
     if named and not {*dials, *(each.id for each in nodes)} <= named:
         return False
-    match intent:
-        case "slower" | "faster" if paces:
-            every = re.search(r"\b(?:both|them|each|everyone)\b", plain) is None or len(paces) > 1
-            return every and all((e.factor < 1) == (intent == "slower") for e in paces)
-        case "slower" | "faster":
-            return re.search(r"\d", plain) is not None
-        case "clock" | "more_traffic" | "less_traffic":
-            return _changes_context(reading, talk, plain, intent)
-        case "not_react":
-            return False  # whether there is anything to react to is seen by the wish alone
-        case "closer" | "less_close" | "harder" | "softer":  # what happens stays, by how much not
-            now = {(each.from_, each.to, each.type) for each in talk.list_edges()}
-            edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
-            return all((each.from_, each.to, each.type) in now for each in edges)
-        case "redraw":
-            return all(each == Redraw() for each in reading.edits) or " for " in plain
-        case "turn" if (said := _find_turn(plain)) is not None:
-            return any(node.movement == said for node in nodes)
-        case "cross_at" if side is not None:
-            return any(node.crosswalk == side for node in nodes)
-        case "come_from" if side is not None:
-            return any(node.entry == side for node in nodes)
-        case "add_agent":
-            follows = re.search(r"\b(?:behind|follow)", plain) is None
-            related = any(isinstance(each, Relate) for each in reading.edits)
-            return (follows or related) and not relates_known(reading, talk)
-    return True
+    does = _DOES.get(intent)
+    return does is None or does(reading, nodes, talk, words.lower(), intent)
 
 
-def _changes_context(reading: Edits, talk: Talk, plain: str, intent: str) -> bool:
+def _sets_pace(reading: Edits, _n: list[AgentNode], _t: Talk, plain: str, intent: str) -> bool:
+    paces = [each for each in reading.edits if isinstance(each, SetPace)]
+    if not paces:
+        return re.search(r"\d", plain) is not None
+    every = re.search(r"\b(?:both|them|each|everyone)\b", plain) is None or len(paces) > 1
+    return every and all((e.factor < 1) == (intent == "slower") for e in paces)
+
+
+def _keeps_events(reading: Edits, _n: list[AgentNode], talk: Talk, *_said: str) -> bool:
+    """Whether what happens stays, and only by how much does not."""
+    now = {(each.from_, each.to, each.type) for each in talk.list_edges()}
+    edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
+    return all((each.from_, each.to, each.type) in now for each in edges)
+
+
+def _changes_way(_r: Edits, nodes: list[AgentNode], _t: Talk, plain: str, intent: str) -> bool:
+    field = {"turn": "movement", "cross_at": "crosswalk", "come_from": "entry"}[intent]
+    said = _find_turn(plain) if intent == "turn" else _find_side(plain)
+    return said is None or any(getattr(node, field) == said for node in nodes)
+
+
+def _adds_agent(reading: Edits, _n: list[AgentNode], talk: Talk, plain: str, _i: str) -> bool:
+    follows = re.search(r"\b(?:behind|follow)", plain) is not None
+    related = any(isinstance(each, Relate) for each in reading.edits)
+    joins = _JOINS.search(plain) is not None and bool(talk.find_agents(plain))
+    return not joins and (not follows or related) and not relates_known(reading, talk)
+
+
+def _changes_context(
+    reading: Edits, _n: list[AgentNode], talk: Talk, plain: str, intent: str
+) -> bool:
     """Whether the hour becomes another; or whether more, or fewer, others are around than now."""
     was, now = talk.situation.graph.context, sum(talk.count_others().values())
     edits = [each for each in reading.edits if isinstance(each, ChangeContext)]
@@ -160,6 +171,22 @@ def _changes_context(reading: Edits, talk: Talk, plain: str, intent: str) -> boo
     return not (edits and relative) and all(
         now < least if intent == "more_traffic" else now > most for least, most in ranges
     )
+
+
+_DOES: dict[str, Callable[[Edits, list[AgentNode], Talk, str, str], bool]] = {
+    **dict.fromkeys(("slower", "faster"), _sets_pace),
+    **dict.fromkeys(("clock", "more_traffic", "less_traffic"), _changes_context),
+    **dict.fromkeys(("closer", "less_close", "harder", "softer"), _keeps_events),
+    **dict.fromkeys(("turn", "cross_at", "come_from"), _changes_way),
+    **dict.fromkeys(("yields", "swap"), lambda _r, _n, _t, plain, _i: not _FIRST.search(plain)),
+    "add_agent": _adds_agent,
+    # Whether there is anything to react to, and of what red is run, is seen by the wish alone.
+    **dict.fromkeys(("not_react", "obey", "brake_hard"), lambda *_: False),
+    "redraw": lambda reading, _n, _t, plain, _i: (
+        " for " in plain or all(each == Redraw() for each in reading.edits)
+    ),
+}
+"""Intents -> whether the edits of a reading do that, beside being of its kinds."""
 
 
 def _find_turn(plain: str) -> str | None:
@@ -208,7 +235,10 @@ def replace_agent(node: AgentNode, new: Named, talk: Talk) -> Edits:
         if ends:
             update = open_ | dict.fromkeys(ends, name)
             related.append(Relate(edge=edge.model_copy(update=update)))
-    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *related)
+    said = situation.graph.said
+    own = [each.words for each in said if (each.note, each.agents) == (NAME, (node.id,))]
+    called = [CallAgent(agent=name, name=each) for each in own]
+    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *called, *related)
 
 
 def _set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
@@ -334,6 +364,10 @@ def _add(wish: EditIntent) -> _Answer:
     new, side = find_new_kind(wish.plain), _find_side(wish.plain)
     if new is None:
         return None
+    if new.type == "pedestrian" and wish.named and _JOINS.search(wish.plain):
+        node = wish.named[0]
+        walks = node.type == "pedestrian"
+        return _change(wish, node, members=(node.members or 1) + 1) if walks else None
     where = f" from the {side}" if side else ""
     behind = wish.says(r"\b(?:follow|behind|after)") and wish.named
     if wish.says(r"\b(?:follow|behind)") and not behind:
@@ -411,6 +445,8 @@ def _change_clock(wish: EditIntent) -> _Answer:
 def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
     def make(wish: EditIntent) -> _Answer:
         edge, pair = wish.find_edge(), wish.pair()
+        if edge is not None and len(wish.named) == 1 and _FIRST.search(wish.plain):
+            return _let_first(edge, wish.named[0].id)
         if edge is not None and (len(wish.named) < 2 or pair is None or kind != "yield_to"):
             turned = kind == "yield_to" and wish.named and wish.named[0].id == edge.to
             pair = (edge.to, edge.from_) if turned else (edge.from_, edge.to)
@@ -420,6 +456,17 @@ def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
         return make_edits(Relate(edge=RelationEdge.model_validate(fields)))
 
     return make
+
+
+def _swap(wish: EditIntent) -> _Answer:
+    return _make_event_rule("yield_to")(wish) if _FIRST.search(wish.plain) else "swap roles"
+
+
+def _let_first(edge: RelationEdge, first: str) -> Edits:
+    """What happens between two with one of them ahead; of who gives way it is the other."""
+    other = edge.to if edge.from_ == first else edge.from_
+    update = {"from_": other, "to": first} if edge.type == "yield_to" else {"first": first}
+    return make_edits(Relate(edge=edge.model_copy(update={**update, "pattern": None})))
 
 
 def _change_gap(wish: EditIntent) -> _Answer:
@@ -510,8 +557,13 @@ def _brake(wish: EditIntent) -> _Answer:
     node, value = wish.choose(), wish.number("m/s") or wish.number()
     if node is None or node.type == "pedestrian":
         return None
+    edge = wish.find_edge("collide_at", "near_miss")
+    if edge is not None and wish.says(r"\blate\b") and node.type == "vehicle":
+        late = {"cause": "late_brake", "braker": node.id, "pattern": None}
+        return make_edits(Relate(edge=edge.model_copy(update=late)))
     gentle = wish.says(r"gentl|soft|less|light")
-    return _set_measure("braking", value or (2.0 if gentle else 5.5), node.id)
+    most = MOST_OF_CLASS.get(node.type, {}).get("braking", UNITS["braking"].most)
+    return _set_measure("braking", value or min(2.0 if gentle else 5.5, most - 0.5), node.id)
 
 
 def _change_motion(wish: EditIntent) -> _Answer:
@@ -530,6 +582,8 @@ def _change_reaction(wish: EditIntent) -> _Answer:
     if node is None:
         return None
     met = wish.talk.list_edges("collide_at", "near_miss")
+    if any(node.id == edge.from_ for edge in wish.talk.list_edges("yield_to")):
+        return offer_sentences(f"{node.id} gives way.", ["make it a near miss", "make it a crash"])
     if not any(node.id in (edge.from_, edge.to) for edge in met):
         return decline(
             f"{node.id} is in no collision and no near miss, so there is nothing to react to. "
@@ -598,17 +652,39 @@ def _redraw(wish: EditIntent) -> _Answer:
 
 
 def _park_vehicle(wish: EditIntent) -> _Answer:
+    if (made := _change_standing(wish)) is not None:
+        return made
     thing, side = re.search(r"\b(?:box|container|bin)\b", wish.plain), _find_side(wish.plain)
     kinds = [each.head for each in find_named(wish.plain) if each.type not in (None, "none")]
-    if side is None or not (thing or kinds):
+    if not (thing or kinds):
         return None
-    return f"add a {thing[0] if thing else f'parked {kinds[0]}'} on the {side} leg"
+    what = thing[0] if thing else f"parked {kinds[0]}"
+    return f"add a {what} on the {side} leg" if side else f"add a {what}"
+
+
+def _change_standing(wish: EditIntent) -> Edits | None:
+    """What stands becomes of another kind, stands elsewhere or, where neither is said, goes."""
+    plain = _STANDS.sub("", wish.plain)
+    nouns, side = find_named(plain), _find_side(plain)
+    old = [o for o in wish.talk.situation.graph.objects if o.id in plain or any(
+        each.det != "indefinite" and each.subtype == (o.subtype or "car") for each in nouns
+    ) or re.search(rf"\bthe {o.kind}\b", plain)]  # fmt: skip
+    new = [each.subtype for each in nouns if each.det == "indefinite" and each.type == "vehicle"]
+    if len(old) != 1:
+        return None
+    update = {"subtype": new[0]} if new else {"leg": side, "side": None} if side else None
+    gone = RemoveObject(object=old[0].id)
+    if update is None:
+        return make_edits(gone) if wish.intent in ("unpark", "remove") else None
+    return make_edits(gone, AddObject(node=old[0].model_copy(update=update)))
 
 
 def _remove_parked(wish: EditIntent) -> _Answer:
     objects = wish.talk.situation.graph.objects
     if not objects:
         return decline("Nothing stands in this scene that could be taken away.")
+    if (made := _change_standing(wish)) is not None:
+        return made
     return make_edits(RemoveObject(object=objects[0].id)) if len(objects) == 1 else None
 
 
@@ -622,12 +698,16 @@ def _hide(wish: EditIntent) -> _Answer:
 
 
 def _change_light(wish: EditIntent) -> _Answer:
+    """Who runs the red light, or no longer does; then nothing comes of it any more, either."""
     runs = wish.intent == "run_red"
+    causes = [e for e in wish.talk.list_edges() if has_trait("cause", e.cause, "red_light")]
     running = [each for each in wish.talk.situation.graph.agents if each.runs_red]
     node = wish.choose() if runs else next(iter(running), None)
-    if node is None:
+    if node is None and (runs or not causes):
         return None if runs else decline("No agent runs a red light in this scene.")
-    return _change(wish, node, runs_red=runs)
+    changed = () if node is None else _change(wish, node, runs_red=runs).edits
+    freed = [] if runs else [Relate(edge=e.model_copy(update={"cause": None})) for e in causes]
+    return make_edits(*changed, *freed)
 
 
 def _make_jaywalker(wish: EditIntent) -> _Answer:
@@ -642,7 +722,7 @@ _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "cross_at": _cross, "reverse": _reverse, "clock": _change_clock,
     "collide": _make_event_rule("collide_at"), "near_miss": _make_event_rule("near_miss"),
     "yields": _make_event_rule("yield_to"), "follow": _make_event_rule("follow"),
-    "nothing_happens": lambda _wish: "nothing happens", "swap": lambda _wish: "swap roles",
+    "nothing_happens": lambda _wish: "nothing happens", "swap": _swap,
     "closer": _change_gap, "less_close": _change_gap, "set_gap": _set_gap,
     "harder": _change_impact, "softer": _change_impact, "set_impact": _set_impact,
     "event_earlier": _change_event_time, "event_later": _change_event_time,

@@ -10,6 +10,7 @@ from functools import partial
 from scenewright.backends import Account, Backend, get_backend_of_task, ignore_account
 from scenewright.backends.offline import CLASSES
 from scenewright.errors import BackendFault
+from scenewright.scene.called import call_agents
 from scenewright.scene.edits import (
     AgentView,
     Choice,
@@ -26,7 +27,7 @@ from scenewright.scene.social import Refusal, SocialGraph
 
 def build_situation(graph: SocialGraph, record: SceneRecord, earlier: PreviousVersion) -> Situation:
     """The situation that words are read against: the social graph and the agents."""
-    present = []
+    present, called = [], call_agents(record)
     for each in record.agents:
         agent = earlier.agents[each.name].agent
         present.append(
@@ -43,6 +44,7 @@ def build_situation(graph: SocialGraph, record: SceneRecord, earlier: PreviousVe
                 speed=agent.candidate.time_law.speed,
                 stops=bool(agent.stands),
                 slows_to=min((stop.speed for stop in agent.stops if stop.rolls), default=None),
+                called=called[each.id],
             )
         )
     return Situation(graph=graph, present=tuple(present))

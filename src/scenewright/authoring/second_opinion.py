@@ -266,8 +266,9 @@ def _choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> 
         return offer_sentences(f"What about the {noun}?", [f"add a {noun}", *there])
     if is_consistent(by_planner, guess.intent, words, talk):
         return by_planner
-    counts = guess.intent == "set_count" and guess.chance >= SURE  # "cars 6" is not vehicle-6
-    if isinstance(by_planner, DeclinedTurn) and by_planner.code == "impossible" and not counts:
+    # "cars 6" is not vehicle-6, and "the parked van" no agent
+    other = guess.intent in ("set_count", "park", "unpark") and guess.chance >= LIKELY
+    if isinstance(by_planner, DeclinedTurn) and by_planner.code == "impossible" and not other:
         return by_planner  # it was understood, and says what the map does not allow
     if isinstance(by_planner, Edits) and (
         _is_bold(by_planner, words)
@@ -337,6 +338,8 @@ def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:
         if chance < _LEAST_OFFERED or name not in MAKES:
             continue
         spelt = spell_out(name, words, talk)
+        if isinstance(spelt, Clarification):
+            return spelt
         if isinstance(spelt, str):
             said = spelt if isinstance(read(spelt), Edits) else None
         else:

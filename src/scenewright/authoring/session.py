@@ -26,7 +26,7 @@ from scenewright.authoring.answer_question import answer_question, define_terms,
 from scenewright.authoring.apply_edits import list_concerned
 from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.direct_edits import list_handles, read_direct_edits
-from scenewright.authoring.find_version import find_version
+from scenewright.authoring.find_version import find_removal, find_version
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
@@ -51,6 +51,7 @@ from scenewright.authoring.thread_state import (
 )
 from scenewright.authoring.turn_kind import TurnKind, spell_fully
 from scenewright.authoring.versions import EditResult, Setting, begin, change
+from scenewright.authoring.vocabulary import compile_words
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
 from scenewright.backends.offline import begins_anew, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
@@ -68,6 +69,7 @@ from scenewright.memory.threads import Threads
 from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.account import LEFT_TO_STAGES
 from scenewright.scene.edits import (
+    CallAgent,
     Clarification,
     DeclinedTurn,
     Edit,
@@ -100,6 +102,7 @@ _NOTHING_YET = (
 )
 _SAY_MORE = "All right; the scene is as it was. Say what shall be different, or ask about it."
 _BEGIN = "Hello. Say what shall happen at an intersection; /help says more."
+_BACK_TO = compile_words("talk.back_to")
 _AGREES = re.compile(r"^(?:(?:yes|yeah|yep|ok(?:ay)?|sure|do|try|that|it|please|exactly)[ ,.!]*)+$")
 _SHORT_ANSWER = 3
 """Words of what may be meant as an answer to a question, though it is none of its answers."""
@@ -386,19 +389,21 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     words, other = (words, False) if chosen else correct(words, state.get("before", ""))
     if other:
         state = _take_back(state)
-    turn = weigh_kind(words, scene=state.get("current") is not None)
-    if turn.kind == "why" and not state.get("refused"):
-        turn = TurnKind(kind="question", words=words, topic="q_why")
-    if turn.kind == "question" and turn.topic is None and len(words.split()) <= _SHORT_QUESTION:
-        turn = turn.model_copy(update={"topic": state.get("topic")})  # "and how much is it now?"
-    if turn.kind == "version" and turn.number is None:
-        turn = turn.model_copy(update={"number": find_version(words, state)})
-    if not chosen and turn.kind != "words":
+    talk = _build_talk(state, runtime.context)
+    given = None if talk is None or chosen else _read_given(words, talk, state)
+    if talk is not None and not chosen and given is None:
+        words = talk.name_plainly(words)
+    turn = given if isinstance(given, TurnKind) else _classify(words, state)
+    if not chosen and not isinstance(given, Edits) and turn.kind != "words":
         steered = {"reading": "turn", **turn.model_dump(mode="json")}
         return {"reading": steered, "pending": None, "before": words,
                 "narrator": narrator, "topic": turn.topic}  # fmt: skip
     calls: list[Call] = []
-    reading = _read(turn.words, chosen, state, runtime.context, said=words, account=calls.append)
+    reading: Reading = (
+        given
+        if isinstance(given, Edits)
+        else _read(turn.words, chosen, state, runtime.context, talk, words, calls.append)
+    )
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
     if (
         isinstance(reading, NewScene)
@@ -423,6 +428,32 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
         "models": sum_costs_by_task(calls),
     }  # fmt: skip
     return {**out, "current": state.get("current")} if other else out
+
+
+def _read_given(words: str, talk: Talk, state: ThreadState) -> Edits | TurnKind | None:
+    """Words that give a name, or want back what went; None for all others."""
+    if (name := talk.read_name(words)) is not None:
+        return Edits(edits=(name,))
+    if (removal := find_removal(words, state)) is None:
+        return None
+    number, edits = removal
+    last = number == state.get("current")
+    return TurnKind(kind="undo", words=words) if last else Edits(edits=edits)
+
+
+def _classify(words: str, state: ThreadState) -> TurnKind:
+    """The kind of the words, of a question its topic, of a version its number."""
+    turn = weigh_kind(words, scene=state.get("current") is not None)
+    if turn.kind == "why" and not state.get("refused"):
+        return TurnKind(kind="question", words=words, topic="q_why")
+    if turn.kind == "question" and turn.topic is None and len(words.split()) <= _SHORT_QUESTION:
+        return turn.model_copy(update={"topic": state.get("topic")})  # "and how much is it now?"
+    back = turn.kind == "words" and _BACK_TO.search(words.lower()) is not None
+    if (turn.kind == "version" or back) and turn.number is None:
+        number = find_version(words, state)
+        if number is not None or not back:
+            return TurnKind(kind="version", words=words, number=number)
+    return turn
 
 
 def _take_back(state: ThreadState) -> ThreadState:
@@ -456,35 +487,43 @@ def _read(
     chosen: dict[str, str],
     state: ThreadState,
     context: SessionContext,
-    *,
+    talk: Talk | None,
     said: str,
     account: Account,
 ) -> Reading:
-    version = _find_version(state, None)
-    if version is None:
+    if talk is None:
         missing = check_first_words(said)
         return missing or _read_with(words, None, chosen, state, context, account=account)
-    situation = build_situation(
-        SocialGraph.model_validate(version["graph"]),
-        SceneRecord.model_validate_json(context.threads.get_bytes(version["scene"])),
-        deserialize_version(context.threads.get_bytes(version["earlier"])),
-    )
+    situation = talk.situation
     if (
         chosen
         or begins_anew(words)
         or not get_backend_of_task(context.backend, "plan").deterministic
     ):
         return _read_with(words, situation, chosen, state, context, account=account)
-    proof = Proof.model_validate_json(context.threads.get_bytes(version["proof"]))
-    talk = Talk(situation, _list_touched(state), proof.events, state.get("narrator"))
-    asked = [each.id for each in talk.find_agents(simplify(state.get("before", "")))]
-    if len(asked) == 1:  # "how fast is the car?", and then "make it slower"
-        talk = replace(talk, touched=[*asked, *talk.touched])
 
     def read_plain(plain: str) -> Reading:
         return _read_with(plain, situation, {}, state, context, account=account)
 
     return choose_reading(said, read_plain(talk.name_spoken(words)), talk, read_plain)
+
+
+def _build_talk(state: ThreadState, context: SessionContext) -> Talk | None:
+    """The current version as it is spoken of; None before there is one."""
+    version = _find_version(state, None)
+    if version is None:
+        return None
+    record, proof = _load_scene(version, context)
+    situation = build_situation(
+        SocialGraph.model_validate(version["graph"]),
+        record,
+        deserialize_version(context.threads.get_bytes(version["earlier"])),
+    )
+    talk = Talk(situation, _list_touched(state), proof.events, state.get("narrator"))
+    asked = [each.id for each in talk.find_agents(simplify(state.get("before", "")))]
+    if len(asked) == 1:  # "how fast is the car?", and then "make it slower"
+        talk = replace(talk, touched=[*asked, *talk.touched])
+    return talk
 
 
 def _list_touched(state: ThreadState) -> list[str]:
@@ -546,7 +585,8 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             # What was left out of the version is left out of what is made of it.
             unshown = _load_scene(version, context)[1].list_words("not_shown")
             setting = replace(setting, lenient=setting.lenient or bool(unshown))
-            text = _join_words(version["text"], state["words"])
+            names = all(isinstance(each, CallAgent) for each in reading.edits)
+            text = version["text"] if names else _join_words(version["text"], state["words"])
             made = _run_apart(
                 setting, _change_version, text, reading.edits, version, setting, context
             )
