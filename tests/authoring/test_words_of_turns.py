@@ -10,7 +10,7 @@ import pytest
 from scenewright.authoring import answer_question, vocabulary
 from scenewright.backends.offline import WORDS
 
-MODULES = ("answer_question", "intent_edits", "second_opinion", "talk", "turn_kind")
+MODULES = ("answer_question", "find_version", "intent_edits", "second_opinion", "talk", "turn_kind")
 
 
 def test_every_topic_of_the_vocabulary_has_an_answer() -> None:

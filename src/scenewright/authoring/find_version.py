@@ -9,9 +9,10 @@ from scenewright.authoring.thread_state import ThreadState, Version
 from scenewright.authoring.vocabulary import compile_words
 from scenewright.backends.offline import CLASSES
 from scenewright.scene.edits import Edit, diff_graphs
-from scenewright.scene.social import ObjectNode, SocialGraph
+from scenewright.scene.social import SocialGraph
 
-_RETURNS = compile_words("talk.returns")
+_RETURNS = compile_words("find_version.returns")
+_GOES_BACK = compile_words("find_version.goes_back")
 _NEWEST = re.compile(r"\b(?:latest|newest|most recent|last one i)\b")
 _FIRST = re.compile(r"\b(?:first|original|very start|beginning|oldest)\b")
 _BEFORE = re.compile(r"\bbefore\b (?P<what>.*)")
@@ -33,6 +34,11 @@ _EMPTY = re.compile(
     r"ok|no|not|so|id|i'd|there|did|do|take|return|switch|open|give|use|let's|look|get|put|"
     r"how|still|have|by|before|without|just|they|he|she|them|him|her|my|our|now|then|as|would"
 )
+
+
+def goes_back(words: str) -> bool:
+    """Whether words such as "go back to the collision" ask for an earlier version."""
+    return _GOES_BACK.search(words.lower()) is not None
 
 
 def find_version(words: str, state: ThreadState) -> int | None:
@@ -67,14 +73,18 @@ def find_removal(words: str, state: ThreadState) -> tuple[int, tuple[Edit, ...]]
     number, wanted = state.get("current"), _list_tokens(found["what"])
     while number is not None and (parent := versions[number]["parent"]) is not None:
         now, before = (SocialGraph.model_validate(versions[n]["graph"]) for n in (number, parent))
-        there = {each.id for each in (*now.agents, *now.objects)}
-        gone = [each for each in (*before.agents, *before.objects) if each.id not in there]
-        kinds = {k for each in gone for k in (getattr(each, "type", None), each.subtype, each.id)}
-        kinds |= {each.kind for each in gone if isinstance(each, ObjectNode)}
-        if gone and (kinds & wanted or not wanted):
+        was, there = _list_kinds(before), _list_kinds(now)
+        gone = {kind for name, kinds in was.items() if name not in there for kind in kinds}
+        if gone and (gone & wanted or not wanted):
             return number, diff_graphs(now, before)
         number = parent
     return None
+
+
+def _list_kinds(graph: SocialGraph) -> dict[str, set[str | None]]:
+    """By id, what may be said of an agent or an object: its class, or kind, and its subtype."""
+    agents = {each.id: {each.type, each.subtype, each.id} for each in graph.agents}
+    return agents | {each.id: {each.kind, each.subtype, each.id} for each in graph.objects}
 
 
 def _find_absence(what: str, state: ThreadState) -> int | None:

@@ -43,7 +43,7 @@ from scenewright.scene.edits import (
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.measures import MOST_OF_CLASS, UNITS, Measure, MeasureKind
 from scenewright.scene.route_table import WAY_FIELDS
-from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
+from scenewright.scene.social import MOST_BACKGROUND, AgentNode, ObjectNode, RelationEdge
 from scenewright.tools.gmm_sampler.background_counts import DENSITIES
 
 SURE, LIKELY = 0.75, 0.45
@@ -655,11 +655,14 @@ def _park_vehicle(wish: EditIntent) -> _Answer:
     if (made := _change_standing(wish)) is not None:
         return made
     thing, side = re.search(r"\b(?:box|container|bin)\b", wish.plain), _find_side(wish.plain)
-    kinds = [each.head for each in find_named(wish.plain) if each.type not in (None, "none")]
+    nouns = find_named(_STANDS.sub("", wish.plain))
+    kinds = [each.subtype for each in nouns if each.type == "vehicle"]
     if not (thing or kinds):
         return None
-    what = thing[0] if thing else f"parked {kinds[0]}"
-    return f"add a {what} on the {side} leg" if side else f"add a {what}"
+    number = max((int(o.id[7:]) for o in wish.talk.situation.graph.objects), default=0) + 1
+    kind, subtype = (thing[0], None) if thing else ("parked", kinds[0])
+    node = {"id": f"object-{number}", "kind": kind, "subtype": subtype, "leg": side}
+    return make_edits(AddObject(node=ObjectNode.model_validate(node)))
 
 
 def _change_standing(wish: EditIntent) -> Edits | None:

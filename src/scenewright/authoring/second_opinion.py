@@ -14,6 +14,7 @@ from scenewright.authoring.intent_edits import (
     MAKES,
     STEPS,
     SURE,
+    decline,
     find_new_kind,
     guess_intent,
     is_consistent,
@@ -261,6 +262,9 @@ def _keep_ways(reading: Edits, talk: Talk) -> Edits:
 
 def _choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
     guess = guess_intent(words)
+    if (name := talk.find_unknown_name(words)) is not None:
+        called = ", ".join(e.called for e in talk.situation.present if e.role == "foreground")
+        return decline(f"Nobody here is called {name}; there is {called or 'nobody'}.")
     if (noun := simplify(words)) in CLASSES:
         there = [f"remove {each.id}" for each in talk.find_agents(f"the {noun}")[:1]]
         return offer_sentences(f"What about the {noun}?", [f"add a {noun}", *there])

@@ -26,7 +26,7 @@ from scenewright.authoring.answer_question import answer_question, define_terms,
 from scenewright.authoring.apply_edits import list_concerned
 from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.direct_edits import list_handles, read_direct_edits
-from scenewright.authoring.find_version import find_removal, find_version
+from scenewright.authoring.find_version import find_removal, find_version, goes_back
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
@@ -51,7 +51,6 @@ from scenewright.authoring.thread_state import (
 )
 from scenewright.authoring.turn_kind import TurnKind, spell_fully
 from scenewright.authoring.versions import EditResult, Setting, begin, change
-from scenewright.authoring.vocabulary import compile_words
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
 from scenewright.backends.offline import begins_anew, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
@@ -102,7 +101,6 @@ _NOTHING_YET = (
 )
 _SAY_MORE = "All right; the scene is as it was. Say what shall be different, or ask about it."
 _BEGIN = "Hello. Say what shall happen at an intersection; /help says more."
-_BACK_TO = compile_words("talk.back_to")
 _AGREES = re.compile(r"^(?:(?:yes|yeah|yep|ok(?:ay)?|sure|do|try|that|it|please|exactly)[ ,.!]*)+$")
 _SHORT_ANSWER = 3
 """Words of what may be meant as an answer to a question, though it is none of its answers."""
@@ -448,7 +446,7 @@ def _classify(words: str, state: ThreadState) -> TurnKind:
         return TurnKind(kind="question", words=words, topic="q_why")
     if turn.kind == "question" and turn.topic is None and len(words.split()) <= _SHORT_QUESTION:
         return turn.model_copy(update={"topic": state.get("topic")})  # "and how much is it now?"
-    back = turn.kind == "words" and _BACK_TO.search(words.lower()) is not None
+    back = turn.kind == "words" and goes_back(words)
     if (turn.kind == "version" or back) and turn.number is None:
         number = find_version(words, state)
         if number is not None or not back:

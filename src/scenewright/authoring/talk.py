@@ -18,6 +18,7 @@ _FILLER = compile_words("talk.filler")
 _WORD = compile_words("talk.word")
 _PRONOUN = compile_words("talk.pronoun")
 _EVERYBODY = compile_words("talk.everybody")
+_NAMED_ONE = re.compile(WORDS["talk"]["named_one"])
 _NAMES = re.compile(fill_in(WORDS["talk"]["names"]), re.IGNORECASE)
 
 
@@ -134,6 +135,12 @@ class Talk:
             if named.plural and len(there) > 1:
                 words = re.sub(some, there[0].id, words, flags=re.IGNORECASE)
         return words
+
+    def find_unknown_name(self, words: str) -> str | None:
+        """A name that no agent has, after its known ones were replaced: "let Otto walk faster"."""
+        found = _NAMED_ONE.search(words)
+        known = found is None or find_named(found[1].lower()) or _WORD.search(found[1].lower())
+        return None if found is None or known else found[1]
 
     def name_spoken(self, words: str) -> str:
         """Replace each pronoun by the id of the agent that it means, where that is known."""

@@ -125,7 +125,7 @@ def change(
             continue
         found = trial.solve_revision(pins)
         if isinstance(found, Scene):
-            words = found.record.meta.texts[-1]
+            words = found.record.meta.texts[-1] * any(each.edit != "call_agent" for each in edits)
             if unasked := find_unasked_changes(record, found.record, words):
                 refused = Unsatisfiable(f"more would change than was said: {'; '.join(unasked)}")
                 continue

@@ -45,7 +45,8 @@ def _compare(
     if len(new) > len(old) and named and one_each and not (adds or deeds):
         yield f"{', '.join(sorted(come))} would be there beside the others"
     moves = any(each.has(*_WAYS) for each in tokens)
-    if adds and moves and any(m.new and m.count == 1 for m in mentions) and not come:
+    come_in = come or len(after.objects) > len(before.objects)
+    if adds and moves and any(m.new and m.count == 1 for m in mentions) and not come_in:
         yield "who is new would only be one of those around"
     if removes and not crowd:
         yield from _check_removal(old, new, mentions)
