@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from itertools import count, islice
 from typing import Any, Literal, Self, get_args
@@ -30,6 +29,7 @@ from scenewright.nodes.schema import (
     build_object,
     build_reference,
     build_text,
+    speaks_of,
 )
 from scenewright.scene.base import RIDERS, AgentClass, AgentId, Model
 from scenewright.scene.edits import (
@@ -178,15 +178,12 @@ class EditsReply(Model):
         return self
 
 
-_RIDES = re.compile(r"cycl|bik|scoot", re.IGNORECASE)
-
-
 def list_new_ids(situation: Situation, words: str = "") -> list[str]:
     """Unused ids, the first of each class; of riders where the words speak of them."""
     taken = {each.id for each in situation.present} | {e.id for e in situation.graph.agents}
     found: list[str] = []
     for kind in get_args(AgentClass):
-        if kind in RIDERS and not _RIDES.search(words):
+        if kind in RIDERS and not speaks_of("riders", words):
             continue
         free = (name for n in count(1) if (name := f"{kind}-{n}") not in taken)
         found += islice(free, _NEW)
