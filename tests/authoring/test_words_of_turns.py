@@ -10,7 +10,10 @@ import pytest
 from scenewright.authoring import answer_question, vocabulary
 from scenewright.backends.offline import WORDS
 
-MODULES = ("answer_question", "find_version", "intent_edits", "second_opinion", "talk", "turn_kind")
+MODULES = (
+    "answer_question", "find_version", "intent_edits", "read_turn", "second_opinion", "session",
+    "talk", "turn_kind",
+)  # fmt: skip
 
 
 def test_every_topic_of_the_vocabulary_has_an_answer() -> None:

@@ -7,33 +7,18 @@ from collections.abc import Sequence
 
 from scenewright.authoring.thread_state import ThreadState, Version
 from scenewright.authoring.vocabulary import compile_words
-from scenewright.backends.offline import CLASSES
+from scenewright.backends.offline import CLASSES, WORDS
 from scenewright.scene.edits import Edit, diff_graphs
 from scenewright.scene.social import SocialGraph
 
 _RETURNS = compile_words("find_version.returns")
 _GOES_BACK = compile_words("find_version.goes_back")
-_NEWEST = re.compile(r"\b(?:latest|newest|most recent|last one i)\b")
-_FIRST = re.compile(r"\b(?:first|original|very start|beginning|oldest)\b")
-_BEFORE = re.compile(r"\bbefore\b (?P<what>.*)")
-_WITHOUT = re.compile(r"\bwithout\b (?P<what>.*)")
-_ALIKE = (
-    ("crash", r"crash\w*|collision\w*|collid\w*|accident\w*|hit|hits|smash\w*|bump\w*"),
-    ("miss", r"near|nearly|miss\w*|almost|scary|squeez\w*"),
-    ("yield", r"yield\w*|wait\w*|polite\w*|giv\w+ way|stops|good|nice\w*|proper\w*|lets"),
-    ("close", r"clos\w+|tight\w*"),
-    ("night", r"night\w*|nite|dark\w*|evening"), ("day", r"day\w*|noon|morning|light"),
-    ("slow", r"slow\w*"), ("fast", r"fast\w*|quick\w*"),
-    ("none", r"quiet\w*|empty|alone|without"), ("bad", r"bad|worse|worst|wrong"),
-)  # fmt: skip
-"""Words that mean about the same of a version, under one name."""
+_NEWEST = compile_words("find_version.newest")
+_FIRST = compile_words("find_version.first")
+_BEFORE = compile_words("find_version.before")
+_WITHOUT = compile_words("find_version.without")
+_EMPTY = compile_words("find_version.empty")
 _EVENT_WORDS = {"collide_at": "crash", "near_miss": "miss", "yield_to": "yield", "follow": "follow"}
-_EMPTY = re.compile(
-    r"the|a|an|one|ones|with|where|when|that|this|it|to|of|in|on|at|for|go|back|show|me|us|"
-    r"again|version|scene|please|can|we|could|i|you|want|like|though|and|had|was|were|is|be|"
-    r"ok|no|not|so|id|i'd|there|did|do|take|return|switch|open|give|use|let's|look|get|put|"
-    r"how|still|have|by|before|without|just|they|he|she|them|him|her|my|our|now|then|as|would"
-)
 
 
 def goes_back(words: str) -> bool:
@@ -127,7 +112,10 @@ def _list_tokens(text: str) -> set[str]:
     """The words that say something, those that mean the same under one name."""
     found = set()
     for word in re.findall(r"[a-z][a-z'-]*|\d+", text.lower()):
-        alike = next((name for name, same in _ALIKE if re.fullmatch(same, word)), None)
+        alike = next(
+            (name for name, same in WORDS["find_version"]["alike"] if re.fullmatch(same, word)),
+            None,
+        )
         noun = word[:-1] if word.endswith("s") and word[:-1] in CLASSES else word
         if alike is not None:
             found.add(alike)

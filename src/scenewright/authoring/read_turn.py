@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+from scenewright.authoring.vocabulary import compile_words
 from scenewright.backends import Account, Backend, get_backend_of_task, ignore_account
 from scenewright.backends.offline import CLASSES
 from scenewright.errors import BackendFault
@@ -99,10 +100,7 @@ SENTENCE = "sentence"
 """Marker of a choice between sentences, in place of a phrase."""
 
 
-_TELLS_EVENT = re.compile(
-    r"near|almost|miss|crash|accident|collision|collide|bump|smash|hit|struck|yield|give way|wait|"
-    r"follow|brake|stop|conflict|cut|dodge"
-)
+_TELLS_EVENT = compile_words("read_turn.tells_event")
 _NOTHING = "Nothing happens"
 """In an offered sentence without an event."""
 _SENTENCES = re.compile(r"(?<=[.!?;:])\s+|\n+")

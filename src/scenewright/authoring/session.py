@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from contextvars import Context
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal, cast
 
 from langchain_core.runnables import RunnableConfig
@@ -50,9 +51,10 @@ from scenewright.authoring.thread_state import (
     Version,
 )
 from scenewright.authoring.turn_kind import TurnKind, spell_fully
-from scenewright.authoring.versions import EditResult, Setting, begin, change
+from scenewright.authoring.versions import EditResult, begin, change
+from scenewright.authoring.vocabulary import compile_words
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
-from scenewright.backends.offline import begins_anew, read_choice
+from scenewright.backends.offline import WORDS, begins_anew, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
     ProgressCallback,
@@ -61,6 +63,7 @@ from scenewright.graph.run import (
     encode_scene,
     format_json_line,
     sum_costs_by_task,
+    synthesize,
 )
 from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
@@ -88,20 +91,9 @@ from scenewright.work_limit import MOST_WORK, limit_work
 MAIN = "main"
 _READING: TypeAdapter[Reading] = TypeAdapter(Reading)
 _EDITS: TypeAdapter[tuple[Edit, ...]] = TypeAdapter(tuple[Edit, ...])
-_OPENING = re.compile(
-    r"^\s*(?:a )?(?:new scene|start over|from scratch)\s*[:;,.]?\s*(?=\S)", re.IGNORECASE
-)
-_ABOUT_VERSION = re.compile(
-    r"(?:which|what) version|what (?:did (?:you|i|we)|have (?:you|i|we)|was|has been|is) "
-    r"(?:just )?(?:change|different)"
-)
-_NOTHING_YET = (
-    "there is no scene yet; I make scenes of traffic at an intersection from words and tell what "
-    "is in them: say what shall happen, such as 'a car from the north yields to a pedestrian'"
-)
-_SAY_MORE = "All right; the scene is as it was. Say what shall be different, or ask about it."
-_BEGIN = "Hello. Say what shall happen at an intersection; /help says more."
-_AGREES = re.compile(r"^(?:(?:yes|yeah|yep|ok(?:ay)?|sure|do|try|that|it|please|exactly)[ ,.!]*)+$")
+_OPENING = compile_words("session.opening")
+_ABOUT_VERSION = compile_words("session.about_version")
+_AGREES = compile_words("session.agrees")
 _SHORT_ANSWER = 3
 """Words of what may be meant as an answer to a question, though it is none of its answers."""
 _SHORT_QUESTION = 8
@@ -566,28 +558,29 @@ def choose_after_read(state: ThreadState) -> Literal["solve", "answer"]:
 def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState:
     """The next version, verified and kept; or why there is none."""
     context, heading = runtime.context, state["heading"]
-    setting = Setting(
-        heading["intersection"],
-        context.backend,
-        heading["seed"],
-        heading["refiner"],
-        context.recall,
-        context.time_limit,
-        context.lawful,
-        state.get("argument") == LENIENT,
-    )
+    shared: dict[str, Any] = {
+        "intersection": heading["intersection"], "seed": heading["seed"],
+        "refiner": heading["refiner"], "backend": context.backend, "recall": context.recall,
+        "lawful": context.lawful, "lenient": state.get("argument") == LENIENT,
+        "time_limit": context.time_limit, "log": context.log,
+    }  # fmt: skip
     reading = _READING.validate_python(state["reading"])
     version, lost = _find_version(state, None), list[str]()
     try:
         if isinstance(reading, Edits) and version is not None:
             # What was left out of the version is left out of what is made of it.
-            unshown = _load_scene(version, context)[1].list_words("not_shown")
-            setting = replace(setting, lenient=setting.lenient or bool(unshown))
+            record, proof = _load_scene(version, context)
+            shared["lenient"] = shared["lenient"] or bool(proof.list_words("not_shown"))
             names = all(isinstance(each, CallAgent) for each in reading.edits)
             text = version["text"] if names else _join_words(version["text"], state["words"])
-            made = _run_apart(
-                setting, _change_version, text, reading.edits, version, setting, context
-            )
+            step = partial(
+                change, text, reading.edits, partial(synthesize, **shared),
+                intersection=heading["intersection"], record=record,
+                before=SocialGraph.model_validate(version["graph"]),
+                earlier=deserialize_version(context.threads.get_bytes(version["earlier"])),
+                pace=version["pace"], by_hand=version["by_hand"], log=context.log,
+            )  # fmt: skip
+            made = _run_apart(step, context.time_limit)
         else:
             text = _keep_hour(_OPENING.sub("", state["words"]), version)
             asked: str | PlanFile = text
@@ -595,9 +588,9 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
                 given = json.loads(state["argument"])
                 plan = SocialGraph.model_validate(given["plan"])
                 asked = PlanFile(plan, given["text"], given["as_read"])
-                seed = setting.seed if given["seed"] is None else given["seed"]
-                setting = replace(setting, seed=seed)
-            made = _run_apart(setting, begin, asked, setting, log=context.log)
+                shared["seed"] = shared["seed"] if given["seed"] is None else given["seed"]
+            make = partial(begin, asked, partial(synthesize, **shared))
+            made = _run_apart(make, context.time_limit)
             if isinstance(asked, PlanFile) and not asked.as_read:  # its words are of its fields
                 made = replace(made, graph=made.graph.model_copy(update={"said": ()}))
                 lost = [each.words for each in asked.plan.said if each.became in LEFT_TO_STAGES]
@@ -611,8 +604,8 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
     return entered
 
 
-_ADDED = re.compile(r"^\s*(?:(?:and|now|then|ok|please) )*(?:add|put in)\s+", re.IGNORECASE)
-_HOUR = re.compile(r"\b(?:at \d|\d ?[ap]m|morning|noon|afternoon|evening|night|rush|o'clock)")
+_ADDED = compile_words("session.added")
+_HOUR = compile_words("session.hour")
 
 
 def _keep_hour(words: str, version: Version | None) -> str:
@@ -626,34 +619,15 @@ def _keep_hour(words: str, version: Version | None) -> str:
     return f"{_ADDED.sub('', words).rstrip('.! ')}, at {str(hour)[:5]}"
 
 
-def _run_apart(
-    setting: Setting, make: Callable[..., EditResult], *args: Any, **named: Any
-) -> EditResult:
+def _run_apart(make: Callable[[], EditResult], time_limit: float) -> EditResult:
     """Run in the time of a turn, and where LangGraph knows nothing of this graph: a pipeline inside
     it is not checkpointed."""
 
     def run_limited() -> EditResult:
-        with limit_time(setting.time_limit), limit_work(_TURN_WORK):
-            return make(*args, **named)
+        with limit_time(time_limit), limit_work(_TURN_WORK):
+            return make()
 
     return Context().run(run_limited)
-
-
-def _change_version(
-    text: str, edits: tuple[Edit, ...], version: Version, setting: Setting, context: SessionContext
-) -> EditResult:
-    threads = context.threads
-    return change(
-        text,
-        edits,
-        setting,
-        before=SocialGraph.model_validate(version["graph"]),
-        earlier=deserialize_version(threads.get_bytes(version["earlier"])),
-        record=SceneRecord.model_validate_json(threads.get_bytes(version["scene"])),
-        pace=version["pace"],
-        by_hand=version["by_hand"],
-        log=context.log,
-    )
 
 
 def _join_words(before: str, words: str) -> str:
@@ -788,7 +762,11 @@ def _handle_command(state: ThreadState, turn: TurnKind, context: SessionContext)
         case "question":
             return {"reply": _answer_question(state, turn, context)}
         case "talk":
-            reason = _BEGIN if state.get("current") is None else _SAY_MORE
+            reason = (
+                WORDS["session"]["begin"]
+                if state.get("current") is None
+                else WORDS["session"]["say_more"]
+            )
             return {"reply": {"kind": "nothing", "reason": reason}}
     named = {"name": turn.name} if turn.name else {}
     return {"reply": {"kind": "wish", "wish": turn.kind, **named}}
@@ -810,7 +788,7 @@ def _answer_question(state: ThreadState, turn: TurnKind, context: SessionContext
     if turn.topic == "q_formats":
         return {"kind": "answer", "lines": list_formats()}
     if version is None:
-        return {"kind": "nothing", "reason": _NOTHING_YET}
+        return {"kind": "nothing", "reason": WORDS["session"]["nothing_yet"]}
     if turn.topic in ("q_changed", "q_version") or _ABOUT_VERSION.search(words.lower()):
         return {"kind": "answer", "lines": _describe_version(state, version, words, context)}
     record, proof = _load_scene(version, context)
