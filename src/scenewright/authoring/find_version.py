@@ -6,8 +6,7 @@ import re
 from collections.abc import Sequence
 
 from scenewright.authoring.thread_state import ThreadState, Version
-from scenewright.authoring.vocabulary import compile_words
-from scenewright.backends.offline import CLASSES, WORDS
+from scenewright.backends.offline import CLASSES, WORDS, compile_words
 from scenewright.scene.edits import Edit, diff_graphs
 from scenewright.scene.social import SocialGraph
 

@@ -16,8 +16,14 @@ from typing import NamedTuple
 
 from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.talk import Talk, simplify
-from scenewright.authoring.vocabulary import compile_words, fill_in
-from scenewright.backends.offline import WORDS, Named, find_named, rank_intents
+from scenewright.backends.offline import (
+    WORDS,
+    Named,
+    compile_words,
+    fill_in,
+    find_named,
+    rank_intents,
+)
 from scenewright.scene.account import NAME
 from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import (
@@ -66,10 +72,10 @@ _NUMBER = compile_words("intent_edits.number")
 _RIDDEN = compile_words("intent_edits.ridden")
 _BEFORE_KIND = compile_words("intent_edits.before_kind")
 _SIDE = re.compile(r"\b(north|south|east|west)(bound)?(?:ern|erly)?\b")
-_JOINS = re.compile(r"\b(?:with|beside|next to|alongside)\b")
-_STANDS = re.compile(r"\b(?:double[- ]?)?(?:parked|stalled|standing|broken[- ]down) ")
-_FIRST = re.compile(r"\bfirst$")
-_IN_METRES = re.compile(r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b")
+_JOINS = r"\b(?:with|beside|next to|alongside)\b"
+_STANDS = r"\b(?:double[- ]?)?(?:parked|stalled|standing|broken[- ]down) "
+_FIRST = r"\bfirst$"
+_IN_METRES = r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b"
 _UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
 
 
@@ -121,71 +127,70 @@ def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool
     kinds = MAKES.get(intent, ())
     if not isinstance(reading, Edits) or not all(each.edit in kinds for each in reading.edits):
         return False
+    named = talk.find_agents(simplify(words))
     nodes = [each.node for each in reading.edits if isinstance(each, ChangeAgent)]
     dials = [e.agent for e in reading.edits if isinstance(e, SetPace | WaitLonger | MoveStop)]
-    named = {each.id for each in talk.find_agents(simplify(words))}
-    if named and not {*dials, *(each.id for each in nodes)} <= named:
+    if named and not {*dials, *(each.id for each in nodes)} <= {each.id for each in named}:
         return False
     does = _DOES.get(intent)
-    return does is None or does(reading, nodes, talk, words.lower(), intent)
+    return does is None or does(reading, EditIntent(intent, words.lower(), talk, tuple(named)))
 
 
-def _sets_pace(reading: Edits, _n: list[AgentNode], _t: Talk, plain: str, intent: str) -> bool:
+def _sets_pace(reading: Edits, wish: EditIntent) -> bool:
     paces = [each for each in reading.edits if isinstance(each, SetPace)]
     if not paces:
-        return re.search(r"\d", plain) is not None
-    every = re.search(r"\b(?:both|them|each|everyone)\b", plain) is None or len(paces) > 1
-    return every and all((e.factor < 1) == (intent == "slower") for e in paces)
+        return wish.says(r"\d")
+    every = not wish.says(r"\b(?:both|them|each|everyone)\b") or len(paces) > 1
+    return every and all((e.factor < 1) == (wish.intent == "slower") for e in paces)
 
 
-def _keeps_events(reading: Edits, _n: list[AgentNode], talk: Talk, *_said: str) -> bool:
+def _keeps_events(reading: Edits, wish: EditIntent) -> bool:
     """Whether what happens stays, and only by how much does not."""
-    now = {(each.from_, each.to, each.type) for each in talk.list_edges()}
+    now = {(each.from_, each.to, each.type) for each in wish.talk.list_edges()}
     edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
     return all((each.from_, each.to, each.type) in now for each in edges)
 
 
-def _changes_way(_r: Edits, nodes: list[AgentNode], _t: Talk, plain: str, intent: str) -> bool:
-    field = {"turn": "movement", "cross_at": "crosswalk", "come_from": "entry"}[intent]
-    said = _find_turn(plain) if intent == "turn" else _find_side(plain)
+def _changes_way(reading: Edits, wish: EditIntent) -> bool:
+    field = {"turn": "movement", "cross_at": "crosswalk", "come_from": "entry"}[wish.intent]
+    said = _find_turn(wish.plain) if wish.intent == "turn" else _find_side(wish.plain)
+    nodes = (each.node for each in reading.edits if isinstance(each, ChangeAgent))
     return said is None or any(getattr(node, field) == said for node in nodes)
 
 
-def _adds_agent(reading: Edits, _n: list[AgentNode], talk: Talk, plain: str, _i: str) -> bool:
-    follows = re.search(r"\b(?:behind|follow)", plain) is not None
+def _adds_agent(reading: Edits, wish: EditIntent) -> bool:
     related = any(isinstance(each, Relate) for each in reading.edits)
-    joins = _JOINS.search(plain) is not None and bool(talk.find_agents(plain))
-    return not joins and (not follows or related) and not relates_known(reading, talk)
+    if (wish.named and wish.says(_JOINS)) or relates_known(reading, wish.talk):
+        return False
+    return related or not wish.says(r"\b(?:behind|follow)")
 
 
-def _changes_context(
-    reading: Edits, _n: list[AgentNode], talk: Talk, plain: str, intent: str
-) -> bool:
+def _changes_context(reading: Edits, wish: EditIntent) -> bool:
     """Whether the hour becomes another; or whether more, or fewer, others are around than now."""
-    was, now = talk.situation.graph.context, sum(talk.count_others().values())
+    was, now = wish.talk.situation.graph.context, sum(wish.talk.count_others().values())
     edits = [each for each in reading.edits if isinstance(each, ChangeContext)]
-    if intent == "clock":
+    if wish.intent == "clock":
         return any(each.time_of_day != was.time_of_day for each in edits)
-    relative = re.search(r"\b(?:half|twice|double)\b", plain) is not None
     ranges = [DENSITIES[each.density or "medium"] for each in edits]
-    return not (edits and relative) and all(
-        now < least if intent == "more_traffic" else now > most for least, most in ranges
+    return not (edits and wish.says(r"\b(?:half|twice|double)\b")) and all(
+        now < least if wish.intent == "more_traffic" else now > most for least, most in ranges
     )
 
 
-_DOES: dict[str, Callable[[Edits, list[AgentNode], Talk, str, str], bool]] = {
+def _redraws(reading: Edits, wish: EditIntent) -> bool:
+    return " for " in wish.plain or all(each == Redraw() for each in reading.edits)
+
+
+_DOES: dict[str, Callable[[Edits, EditIntent], bool]] = {
     **dict.fromkeys(("slower", "faster"), _sets_pace),
     **dict.fromkeys(("clock", "more_traffic", "less_traffic"), _changes_context),
     **dict.fromkeys(("closer", "less_close", "harder", "softer"), _keeps_events),
     **dict.fromkeys(("turn", "cross_at", "come_from"), _changes_way),
-    **dict.fromkeys(("yields", "swap"), lambda _r, _n, _t, plain, _i: not _FIRST.search(plain)),
-    "add_agent": _adds_agent,
+    **dict.fromkeys(("yields", "swap"), lambda _reading, wish: not wish.says(_FIRST)),
     # Whether there is anything to react to, and of what red is run, is seen by the wish alone.
     **dict.fromkeys(("not_react", "obey", "brake_hard"), lambda *_: False),
-    "redraw": lambda reading, _n, _t, plain, _i: (
-        " for " in plain or all(each == Redraw() for each in reading.edits)
-    ),
-}
+    "add_agent": _adds_agent, "redraw": _redraws,
+}  # fmt: skip
 """Intents -> whether the edits of a reading do that, beside being of its kinds."""
 
 
@@ -364,7 +369,7 @@ def _add(wish: EditIntent) -> _Answer:
     new, side = find_new_kind(wish.plain), _find_side(wish.plain)
     if new is None:
         return None
-    if new.type == "pedestrian" and wish.named and _JOINS.search(wish.plain):
+    if new.type == "pedestrian" and wish.named and wish.says(_JOINS):
         node = wish.named[0]
         walks = node.type == "pedestrian"
         return _change(wish, node, members=(node.members or 1) + 1) if walks else None
@@ -445,7 +450,7 @@ def _change_clock(wish: EditIntent) -> _Answer:
 def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
     def make(wish: EditIntent) -> _Answer:
         edge, pair = wish.find_edge(), wish.pair()
-        if edge is not None and len(wish.named) == 1 and _FIRST.search(wish.plain):
+        if edge is not None and len(wish.named) == 1 and wish.says(_FIRST):
             return _let_first(edge, wish.named[0].id)
         if edge is not None and (len(wish.named) < 2 or pair is None or kind != "yield_to"):
             turned = kind == "yield_to" and wish.named and wish.named[0].id == edge.to
@@ -459,7 +464,7 @@ def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
 
 
 def _swap(wish: EditIntent) -> _Answer:
-    return _make_event_rule("yield_to")(wish) if _FIRST.search(wish.plain) else "swap roles"
+    return _make_event_rule("yield_to")(wish) if wish.says(_FIRST) else "swap roles"
 
 
 def _let_first(edge: RelationEdge, first: str) -> Edits:
@@ -494,7 +499,7 @@ def _set_gap(wish: EditIntent) -> _Answer:
     value, edge = wish.number("s", "m") or wish.number(), wish.find_edge()
     if value is None or edge is None:
         return None
-    metres = _IN_METRES.search(wish.plain) is not None
+    metres = wish.says(_IN_METRES)
     if edge.type == "follow":
         return _set_measure("gap" if metres else "headway", value, edge.from_, edge.to)
     if metres:
@@ -505,18 +510,18 @@ def _set_gap(wish: EditIntent) -> _Answer:
 
 
 def _change_impact(wish: EditIntent) -> _Answer:
-    edge, speed = wish.find_edge("collide_at"), wish.measured("relative_speed")
+    """The speed at which they collide: as said, or a harder or softer crash than it is."""
+    edge, value, speed = (
+        wish.find_edge("collide_at"),
+        wish.number(),
+        wish.measured("relative_speed"),
+    )
+    if wish.intent == "set_impact":
+        speed = None if value is None else value if "m/s" in wish.plain else value / 3.6
+    elif speed is not None:
+        speed *= _CLOSER if wish.intent == "softer" else 1 / _CLOSER
     if edge is None or speed is None:
         return None
-    speed *= _CLOSER if wish.intent == "softer" else 1 / _CLOSER
-    return _relate(edge, impact_speed=round(min(speed, 20.0), 1))
-
-
-def _set_impact(wish: EditIntent) -> _Answer:
-    value, edge = wish.number(), wish.find_edge("collide_at")
-    if value is None or edge is None:
-        return None
-    speed = value if "m/s" in wish.plain else value / 3.6
     return _relate(edge, impact_speed=round(min(speed, 20.0), 2))
 
 
@@ -655,7 +660,7 @@ def _park_vehicle(wish: EditIntent) -> _Answer:
     if (made := _change_standing(wish)) is not None:
         return made
     thing, side = re.search(r"\b(?:box|container|bin)\b", wish.plain), _find_side(wish.plain)
-    nouns = find_named(_STANDS.sub("", wish.plain))
+    nouns = find_named(re.sub(_STANDS, "", wish.plain))
     kinds = [each.subtype for each in nouns if each.type == "vehicle"]
     if not (thing or kinds):
         return None
@@ -667,7 +672,7 @@ def _park_vehicle(wish: EditIntent) -> _Answer:
 
 def _change_standing(wish: EditIntent) -> Edits | None:
     """What stands becomes of another kind, stands elsewhere or, where neither is said, goes."""
-    plain = _STANDS.sub("", wish.plain)
+    plain = re.sub(_STANDS, "", wish.plain)
     nouns, side = find_named(plain), _find_side(plain)
     old = [o for o in wish.talk.situation.graph.objects if o.id in plain or any(
         each.det != "indefinite" and each.subtype == (o.subtype or "car") for each in nouns
@@ -727,7 +732,7 @@ _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "yields": _make_event_rule("yield_to"), "follow": _make_event_rule("follow"),
     "nothing_happens": lambda _wish: "nothing happens", "swap": _swap,
     "closer": _change_gap, "less_close": _change_gap, "set_gap": _set_gap,
-    "harder": _change_impact, "softer": _change_impact, "set_impact": _set_impact,
+    **dict.fromkeys(("harder", "softer", "set_impact"), _change_impact),
     "event_earlier": _change_event_time, "event_later": _change_event_time,
     "come_earlier": _come, "come_later": _come,
     **dict.fromkeys(("wait_longer", "wait_less", "stop_earlier", "stop_later"), _stop),

@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from scenewright.authoring.vocabulary import compile_words
 from scenewright.backends import Account, Backend, get_backend_of_task, ignore_account
-from scenewright.backends.offline import CLASSES
+from scenewright.backends.offline import CLASSES, compile_words
 from scenewright.errors import BackendFault
 from scenewright.scene.called import call_agents
 from scenewright.scene.edits import (

@@ -24,8 +24,7 @@ from scenewright.authoring.intent_edits import (
 from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.talk import Talk, simplify
 from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
-from scenewright.authoring.vocabulary import compile_words
-from scenewright.backends.offline import CLASSES, WORDS, find_named, rank_intents
+from scenewright.backends.offline import CLASSES, WORDS, compile_words, find_named, rank_intents
 from scenewright.scene.edits import (
     ChangeAgent,
     Clarification,
@@ -41,7 +40,7 @@ from scenewright.scene.route_table import WAY_FIELDS
 Read = Callable[[str], Reading]
 _CLAUSES = re.compile(r"\s*(?:[.;!?]+(?=\s|$)|,|\s-\s)\s*")
 _NUMBER = compile_words("second_opinion.number")
-_NUMBERS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
+_NUMBERS: dict[str, int] = WORDS["turn_kind"]["numbers"]
 _SENTENCES: dict[str, str] = WORDS["second_opinion"]["sentences"]
 _MOST_OFFERED, _LEAST_OFFERED = 3, 0.08
 _HARDLY = 0.12
@@ -79,9 +78,9 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
         return TurnKind(kind="question", words=words, topic=guess.intent)
     steps = ("version", "undo", "redo")
     if scene and (guess.intent == "version" or (guess.intent in steps and _NEWEST.search(words))):
-        plain = words.lower().replace("second version", "version two")
-        found = _VERSION.search(plain.replace("third version", "version three"))
-        number = None if found is None else _NUMBERS.get(found[1]) or int(found[1])
+        found = _VERSION.search(words.lower())
+        said = None if found is None else found[1] or found[2]
+        number = None if said is None else _NUMBERS.get(said) or int(said)
         return TurnKind(kind="version", words=words, number=number)
     if guess.intent in STEPS and not _is_change(words):
         return _step(STEPS[guess.intent], words)
@@ -111,7 +110,7 @@ def _read_number(words: str) -> int | None:
     plain = words.lower()
     if re.search(r"\b(?:first|original|very start|beginning)\b", plain):
         return 1
-    found = _NUMBER.search(plain.replace("second", "two").replace("third", "three"))
+    found = _NUMBER.search(plain)
     return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
 
 

@@ -52,9 +52,8 @@ from scenewright.authoring.thread_state import (
 )
 from scenewright.authoring.turn_kind import TurnKind, spell_fully
 from scenewright.authoring.versions import EditResult, begin, change
-from scenewright.authoring.vocabulary import compile_words
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
-from scenewright.backends.offline import WORDS, begins_anew, read_choice
+from scenewright.backends.offline import WORDS, begins_anew, compile_words, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
     ProgressCallback,

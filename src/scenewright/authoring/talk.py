@@ -6,8 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenewright.authoring.vocabulary import compile_words, fill_in
-from scenewright.backends.offline import ORDINALS, WORDS, Named, find_named
+from scenewright.backends.offline import ORDINALS, WORDS, Named, compile_words, fill_in, find_named
 from scenewright.scene.edits import AgentView, CallAgent, Situation
 from scenewright.scene.events import Event
 from scenewright.scene.phrasing import name_kind
