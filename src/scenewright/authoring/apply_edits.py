@@ -161,22 +161,14 @@ def _find_touched(
 
 def list_concerned(edits: tuple[Edit, ...]) -> set[str]:
     """Agents that the edits name."""
-    names: set[str] = set()
+    names: set[str | None] = set()
     for edit in edits:
-        match edit:
-            case ChangeAgent(node=node) | AddAgent(node=node):
-                names.add(node.id)
-            case Relate(edge=edge):
-                names |= {edge.from_, edge.to}
-            case Unrelate(first=first, second=second):
-                names |= {first, second}
-            case RemoveAgent() | SetPace() | MoveStop() | WaitLonger() | ComeLater():
-                names.add(edit.agent)
-            case Redraw(agent=str(name)):
-                names.add(name)
-            case SetMeasure(measure=measure):
-                names |= {measure.agent, measure.other or measure.agent}
-    return names
+        for part in (edit, getattr(edit, "edge", None), getattr(edit, "measure", None)):
+            keys = ("agent", "first", "second", "from_", "to", "other")
+            names |= {getattr(part, key, None) for key in keys}
+        if isinstance(edit, ChangeAgent | AddAgent):
+            names.add(edit.node.id)
+    return {each for each in names if each is not None}
 
 
 def _amend_agents(

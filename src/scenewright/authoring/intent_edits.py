@@ -395,12 +395,6 @@ def _become(wish: EditIntent) -> _Answer:
     return _change(wish, node, subtype=new.subtype) if node.type == "vehicle" else None
 
 
-def _go(wish: EditIntent) -> _Answer:
-    node, side = wish.choose(), _find_side(wish.plain)
-    way = "come from" if wish.intent == "come_from" else "leave to"
-    return None if node is None or side is None else f"make {node.id} {way} the {side}"
-
-
 def _change(wish: EditIntent, node: AgentNode, **update: object) -> Edits:
     """Edit fields of an agent; it keeps the way that it takes now where no field names another."""
     node = wish.talk.keep_way(node).model_copy(update=update)
@@ -533,22 +527,6 @@ def _change_event_time(wish: EditIntent) -> _Answer:
         return None
     later = (seconds or _EARLIER) * (1 if wish.intent == "event_later" else -1)
     return _set_measure("time", wish.talk.events[0].time + later, edge.from_, edge.to)
-
-
-def _come(wish: EditIntent) -> _Answer:
-    node, seconds = wish.choose(vehicle_first=False), wish.number("s") or 2.0
-    when = "later" if wish.intent == "come_later" else "earlier"
-    return None if node is None else f"{node.id} comes {seconds:g} seconds {when}"
-
-
-def _stop(wish: EditIntent) -> _Answer:
-    """How long it stands, or where."""
-    subject = f"let {wish.named[0].id} " if wish.named else ""
-    if wish.intent.startswith("wait"):
-        more = "longer" if wish.intent == "wait_longer" else "less"
-        return f"{subject}wait {wish.number('s') or 2.0:g} seconds {more}"
-    where = "later" if wish.intent == "stop_later" else "earlier"
-    return f"{subject}stop {wish.number('m') or 1.0:g} metres {where}"
 
 
 def _make_stop(wish: EditIntent) -> _Answer:
@@ -718,27 +696,34 @@ def _change_light(wish: EditIntent) -> _Answer:
     return make_edits(*changed, *freed)
 
 
-def _make_jaywalker(wish: EditIntent) -> _Answer:
-    walker = wish.find_walker()
-    return None if walker is None else f"make {walker.id} jaywalk"
+def _speak(wish: EditIntent) -> str | None:
+    """The sentence that says the wish, with what the words name in its places."""
+    sentence: str = WORDS["intent_edits"]["spoken"][wish.intent]
+    named, walker = (wish.named[0] if wish.named else None), wish.find_walker()
+    agents = {"named": named, "who": wish.choose(), "walker": walker,
+              "anyone": wish.choose(vehicle_first=False)}  # fmt: skip
+    places = {place: None if node is None else node.id for place, node in agents.items()} | {
+        "side": _find_side(wish.plain), "let": f"let {named.id} " if named else "",
+        "seconds": f"{wish.number('s') or 2.0:g}", "metres": f"{wish.number('m') or 1.0:g}",
+    }  # fmt: skip
+    said = sentence.format(**places)
+    return None if "None" in said else said
 
 
 _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "slower": _change_pace, "faster": _change_pace, "set_speed": _change_speed,
-    "remove": lambda wish: f"remove {wish.named[0].id}" if wish.named else None,
-    "add_agent": _add, "become": _become, "come_from": _go, "turn": _turn, "go_to": _go,
+    **dict.fromkeys(WORDS["intent_edits"]["spoken"], _speak),
+    "add_agent": _add, "become": _become, "turn": _turn,
     "cross_at": _cross, "reverse": _reverse, "clock": _change_clock,
     "collide": _make_event_rule("collide_at"), "near_miss": _make_event_rule("near_miss"),
     "yields": _make_event_rule("yield_to"), "follow": _make_event_rule("follow"),
-    "nothing_happens": lambda _wish: "nothing happens", "swap": _swap,
+    "swap": _swap,
     "closer": _change_gap, "less_close": _change_gap, "set_gap": _set_gap,
     **dict.fromkeys(("harder", "softer", "set_impact"), _change_impact),
     "event_earlier": _change_event_time, "event_later": _change_event_time,
-    "come_earlier": _come, "come_later": _come,
-    **dict.fromkeys(("wait_longer", "wait_less", "stop_earlier", "stop_later"), _stop),
     "make_stop": _make_stop, "brake_hard": _brake, "not_react": _change_reaction,
     "runs": _change_motion, "more_traffic": _change_background,
     "less_traffic": _change_background, "no_traffic": _remove_background, "set_count": _set_count,
     "redraw": _redraw, "park": _park_vehicle, "unpark": _remove_parked, "hide": _hide,
-    "run_red": _change_light, "obey": _change_light, "jaywalk": _make_jaywalker,
+    "run_red": _change_light, "obey": _change_light,
 }  # fmt: skip
