@@ -21,32 +21,22 @@ from scenewright.scene.edits import (
 )
 from scenewright.scene.frozen_agents import PreviousVersion
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.record import SceneRecord
+from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.social import Refusal, SocialGraph
 
 
 def build_situation(graph: SocialGraph, record: SceneRecord, earlier: PreviousVersion) -> Situation:
     """The situation that words are read against: the social graph and the agents."""
-    present, called = [], call_agents(record)
+    called, same = call_agents(record), AgentView.model_fields.keys() & AgentRecord.model_fields
+    present = []
     for each in record.agents:
         agent = earlier.agents[each.name].agent
-        present.append(
-            AgentView(
-                id=each.name,
-                number=each.id,
-                type=each.type,
-                subtype=each.subtype,
-                entry=each.entry,
-                exit=each.exit,
-                movement=each.movement,
-                crosswalk=each.crosswalk,
-                role=each.role,
-                speed=agent.candidate.time_law.speed,
-                stops=bool(agent.stands),
-                slows_to=min((stop.speed for stop in agent.stops if stop.rolls), default=None),
-                called=called[each.id],
-            )
-        )
+        view = {key: getattr(each, key) for key in same} | {
+            "id": each.name, "number": each.id, "called": called[each.id],
+            "speed": agent.candidate.time_law.speed, "stops": bool(agent.stands),
+            "slows_to": min((stop.speed for stop in agent.stops if stop.rolls), default=None),
+        }  # fmt: skip
+        present.append(AgentView.model_validate(view))
     return Situation(graph=graph, present=tuple(present))
 
 

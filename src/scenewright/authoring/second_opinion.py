@@ -186,7 +186,7 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
         return None
     if len(_NEW_ONE.findall(words.lower())) >= 1:
         return None
-    reason = "There is no scene yet to change; say first what shall happen between which agents."
+    reason = WORDS["second_opinion"]["no_scene"]
     return DeclinedTurn(code="no_change", reason=reason)
 
 
@@ -322,13 +322,7 @@ def _keep(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
 
 
 def _decline_change() -> DeclinedTurn:
-    return DeclinedTurn(
-        code="no_change",
-        reason="I cannot tell what shall be different, or cannot do that, so nothing is: I can "
-        "change who is there, how they move, what happens between them and the hour. Say one "
-        'change at a time, such as "slow the car down" or "make it night"; "new scene: ..." '
-        "begins another one.",
-    )
+    return DeclinedTurn(code="no_change", reason=WORDS["second_opinion"]["unclear"])
 
 
 _NEW_ONE = re.compile(r"\b(?:a|an|two|three|some|another|somebody|someone)\s+\w+")

@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from contextvars import Context
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, cast
 
@@ -118,10 +118,10 @@ class SessionContext:
 
     threads: Threads
     backend: Backend
-    log: ProgressCallback = field(default=lambda _stage, _line: None)
-    recall: ExampleRetriever = recall_nothing
-    time_limit: float = DEFAULT_LIMIT
-    lawful: bool = False
+    log: ProgressCallback
+    recall: ExampleRetriever
+    time_limit: float
+    lawful: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,14 +168,8 @@ class Session:
         check_time_limit(time_limit)
         self.thread = thread
         self._threads = threads
-        self._context = SessionContext(
-            threads,
-            backend,
-            log or (lambda _stage, _line: None),
-            recall or recall_nothing,
-            time_limit,
-            lawful,
-        )
+        log, recall = log or (lambda _stage, _line: None), recall or recall_nothing
+        self._context = SessionContext(threads, backend, log, recall, time_limit, lawful)
         self._graph = build_session().compile(checkpointer=threads.saver)
         self._config: RunnableConfig = {
             "configurable": {"thread_id": thread},
