@@ -382,7 +382,8 @@ def _drop_measures(graph: SocialGraph, pair: set[str]) -> tuple[Measure, ...]:
 
 
 def _check_known(graph: SocialGraph, name: str) -> None:
-    if name not in {each.id for each in (*graph.agents, *graph.objects)}:
+    known = {each.id for each in graph.agents} | {each.id for each in graph.objects}
+    if name not in known:
         raise _build_refusal(f"there is no {name} in the scene")
 
 
