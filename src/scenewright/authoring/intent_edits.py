@@ -46,7 +46,7 @@ from scenewright.scene.edits import (
     SetPace,
     WaitLonger,
 )
-from scenewright.scene.kinds import has_trait
+from scenewright.scene.kinds import has_trait, list_names
 from scenewright.scene.measures import MOST_OF_CLASS, UNITS, Measure, MeasureKind
 from scenewright.scene.route_table import WAY_FIELDS
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, ObjectNode, RelationEdge
@@ -542,7 +542,8 @@ def _brake(wish: EditIntent) -> _Answer:
         return None
     edge = wish.find_edge("collide_at", "near_miss")
     if edge is not None and wish.says(r"\blate\b") and node.type == "vehicle":
-        late = {"cause": "late_brake", "braker": node.id, "pattern": None}
+        cause = next(name for name in list_names("cause") if has_trait("cause", name, "late"))
+        late = {"cause": cause, "braker": node.id, "pattern": None}
         return make_edits(Relate(edge=edge.model_copy(update=late)))
     gentle = wish.says(r"gentl|soft|less|light")
     most = MOST_OF_CLASS.get(node.type, {}).get("braking", UNITS["braking"].most)
