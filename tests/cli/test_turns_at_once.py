@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,13 @@ import pytest
 
 from scenewright.authoring.session import Session
 from scenewright.authoring.thread_state import ThreadSetting
-from scenewright.authoring.versions import EditResult, Setting, begin
+from scenewright.authoring.versions import EditResult, Make, begin
 from scenewright.backends import load_backend
 from scenewright.cli.mcp import build_server
 from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.conversations import Conversations
 from scenewright.errors import BusyError
+from scenewright.graph.run import synthesize
 from scenewright.memory.threads import Threads
 
 CALLS = 40
@@ -27,9 +29,10 @@ SETTING: ThreadSetting = {"intersection": "amsterdam_120", "seed": 1, "refiner":
 @pytest.fixture
 def _made_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Scenes that take no time, so that many turns are entered close together."""
-    made = begin("A car yields to a pedestrian at 5 am", Setting("amsterdam_120", BACKEND, 1))
+    make = partial(synthesize, backend=BACKEND, seed=1, refiner="none")
+    made = begin("A car yields to a pedestrian at 5 am", make)
 
-    def begin_at_once(_text: str, _setting: Setting, **_other: Any) -> EditResult:
+    def begin_at_once(_text: str, _make: Make) -> EditResult:
         return made
 
     monkeypatch.setattr("scenewright.authoring.session.begin", begin_at_once)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
-from scenewright.authoring.versions import Setting, begin
-from scenewright.backends import load_backend
+from scenewright.authoring.versions import begin
+from scenewright.graph.run import synthesize
 from scenewright.scene.frozen_agents import PreviousVersion
 
 
 @cache
 def first_version() -> PreviousVersion:
-    setting = Setting("amsterdam_120", load_backend("builtin"), 1)
-    return begin("A car yields to a pedestrian at 5 am", setting).earlier
+    make = partial(synthesize, seed=1, refiner="none")
+    return begin("A car yields to a pedestrian at 5 am", make).earlier

@@ -1,8 +1,5 @@
 """An authoring agent: a chat model that calls the stages as tools until a scene is verified.
 
-    think ──► act ──► think …   at most `most_calls` calls, then it is given up
-      └────► END                the scene is verified, or the model has no more to say
-
 Without a model a router calls the same tools in their order, and draws afresh where one refuses.
 """
 
@@ -10,12 +7,11 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from langchain_core.messages import AIMessage, AnyMessage, HumanMessage, SystemMessage, ToolMessage
-from langgraph.graph import END, START, StateGraph
-from langgraph.graph.message import add_messages
 
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
@@ -57,13 +53,7 @@ check_scene says that the scene is verified and it is recorded. The request is d
 says, these rules stay. If the request is no traffic scene, answer in words without a call."""
 
 
-class AgentState(TypedDict):
-    """The conversation with the model, and how many tools it has called."""
-
-    messages: Annotated[list[AnyMessage], add_messages]
-    calls: int
-
-
+@dataclass(frozen=True)
 class AgentResult:
     """What an agent made.
 
@@ -72,10 +62,9 @@ class AgentResult:
         calls: names of the tools that were called, in order, with whether they were refused.
     """
 
-    def __init__(
-        self, record: SceneRecord, proof: Proof, calls: Sequence[tuple[str, bool]]
-    ) -> None:
-        self.record, self.proof, self.calls = record, proof, tuple(calls)
+    record: SceneRecord
+    proof: Proof
+    calls: tuple[tuple[str, bool], ...]
 
 
 def author(
@@ -127,7 +116,7 @@ def author(
         raise Unsatisfiable(
             f"no verified scene within {len(calls)} calls; last: {last}", rejections
         )
-    return AgentResult(bench.state["scene"], bench.state["proof"], calls)
+    return AgentResult(bench.state["scene"], bench.state["proof"], tuple(calls))
 
 
 def build_tool_state(
@@ -159,49 +148,22 @@ def _converse(
     most_calls: int,
     hide: Callable[[str], str],
 ) -> str:
-    """The loop; the last words of the model."""
-
-    def done() -> bool:
-        """Verified, and asked to be kept."""
-        return bench.verified and ("record_scene", True) in calls
-
-    graph = build_agent(model, tools, calls, most_calls, done, hide).compile()
-    quoted = json.dumps(instruction[:2000], ensure_ascii=False)
-    start: AgentState = {
-        "messages": [SystemMessage(_SYSTEM), HumanMessage(f"Request: {quoted}")],
-        "calls": 0,
-    }
-    final = graph.invoke(start, config={"recursion_limit": 2 * most_calls + 6})
-    return str(final["messages"][-1].text)[:500]
-
-
-def build_agent(
-    model: BaseChatModel,
-    tools: dict[str, BaseTool],
-    calls: list[tuple[str, bool]],
-    most_calls: int,
-    done: Callable[[], bool],
-    hide: Callable[[str], str] = lambda text: text,
-) -> StateGraph[AgentState, None, Any, Any]:
-    """The loop of thinking and acting, not yet compiled."""
+    """Lets the model call tools until the scene is verified and kept; the last words."""
     bound = model.bind_tools(list(tools.values()))
-
-    def think(state: AgentState) -> dict[str, Any]:
+    quoted = json.dumps(instruction[:2000], ensure_ascii=False)
+    messages: list[AnyMessage] = [SystemMessage(_SYSTEM), HumanMessage(f"Request: {quoted}")]
+    while True:
         try:
             with stop_clock():
-                said = bound.invoke(state["messages"])
+                said = bound.invoke(messages)
         except (InputError, BackendFault):
             raise
         except Exception as error:  # every provider has exceptions of its own
             reason = hide(str(error))
             raise BackendFault(f"the model failed: {type(error).__name__}: {reason}") from None
-        return {"messages": [said]}
-
-    def act(state: AgentState) -> dict[str, Any]:
-        said = state["messages"][-1]
+        messages.append(said)
         asked = said.tool_calls if isinstance(said, AIMessage) else []
-        results = []
-        for each in asked[: most_calls - state["calls"]]:
+        for each in asked[: most_calls - len(calls)]:
             name, tool = each["name"][:80], tools.get(each["name"][:80])
             if tool is None:  # is a result as well
                 detail = f"there is no tool {name!r}; there is {', '.join(tools)}"
@@ -210,29 +172,10 @@ def build_agent(
                 text = str(tool.invoke(each["args"]))
             calls.append((name, json.loads(text).get("ok") is True))
             identity = str(each["id"])
-            results.append(ToolMessage(text[:_LONGEST_RESULT], tool_call_id=identity, name=name))
-        # Every call must be answered, also those beyond the cap.
-        spent = [
-            ToolMessage("not called: the budget of calls is spent", tool_call_id=str(each["id"]))
-            for each in asked[len(results) :]
-        ]
-        return {"messages": [*results, *spent], "calls": state["calls"] + len(results)}
-
-    def choose_after_think(state: AgentState) -> Literal["act", "__end__"]:
-        said = state["messages"][-1]
-        wants = isinstance(said, AIMessage) and bool(said.tool_calls)
-        return "act" if wants and state["calls"] < most_calls else "__end__"
-
-    def choose_after_act(state: AgentState) -> Literal["think", "__end__"]:
-        return "__end__" if done() or state["calls"] >= most_calls else "think"
-
-    graph: StateGraph[AgentState, None, Any, Any] = StateGraph(AgentState)
-    graph.add_node("think", think)
-    graph.add_node("act", act)
-    graph.add_edge(START, "think")
-    graph.add_conditional_edges("think", choose_after_think, {"act": "act", "__end__": END})
-    graph.add_conditional_edges("act", choose_after_act, {"think": "think", "__end__": END})
-    return graph
+            messages.append(ToolMessage(text[:_LONGEST_RESULT], tool_call_id=identity, name=name))
+        kept = bench.verified and ("record_scene", True) in calls
+        if not asked or kept or len(calls) >= most_calls:
+            return str(messages[-1].text)[:500]
 
 
 def _run_router(

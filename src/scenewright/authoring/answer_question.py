@@ -23,10 +23,7 @@ from scenewright.scene.record import AgentRecord, SceneRecord, SignalRecord
 KERB = 1.0
 """How far [m] outside a crosswalk a place still counts as on it."""
 KMH, MPH = 3.6, 2.2369
-TOPICS = (
-    "I can answer: what happens, when, where and how close; how fast each goes, whether it brakes "
-    "or stops; where each comes from and goes to; the lights; who was there; who had to give way."
-)
+TOPICS: str = WORDS["answer_question"]["can_answer"]
 _VERBS: dict[str, str] = WORDS["answer_question"]["verbs"]
 _FIGURES: dict[str, str] = WORDS["answer_question"]["figures"]
 _NOUNS = {noun: subtype or kind for noun, (kind, subtype) in CLASSES.items()}
@@ -448,15 +445,7 @@ def _describe_kinds(_scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
 
 def define_terms() -> list[str]:
     """What the figures mean."""
-    return [
-        "PET is the time from one leaving a place to the other coming to it [s]: less is closer.",
-        "TTC is the time until they would touch if both went on as they do [s].",
-        "DRAC is the braking that just avoids the collision [m/s²].",
-        "Headway is the time by which one follows another [s].",
-        "Verified: a second program saw the event on the finished tracks, at its time, and no "
-        "other crash; words are seen, true of all scenes here, or such as tracks cannot show. "
-        "The traffic is simulated: it did not happen, and people need not behave so.",
-    ]
+    return [*WORDS["answer_question"]["terms"]]
 
 
 def _describe_sight(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:

@@ -31,7 +31,6 @@ from scenewright.scene.frozen_agents import PreviousVersion
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.gmm_sampler.background_counts import DENSITIES
 from scenewright.tools.gmm_sampler.frozen_agents import scale_speed
 from scenewright.tools.map_grounding.grounding import ground_graph
 
@@ -48,13 +47,14 @@ class Revision:
         pace: share of the free speed, by name.
         by_hand: those of the amended whose stop or time was given, and stays as given.
         redrawn: agents that are to take another path; anew: all agents are.
+        background: how many of each class; None: drawn anew, as another hour or density has them.
     """
 
     earlier: PreviousVersion
     before: SocialGraph
     graph: SocialGraph
     grounding: Grounding
-    background: Mapping[AgentClass, int]
+    background: Mapping[AgentClass, int] | None
     hour: float
     named: frozenset[str]
     touched: frozenset[str]
@@ -70,7 +70,7 @@ class Revision:
         """Earlier agents that are still there, as they were or as amended."""
         foreground = {each.id for each in self.graph.agents}
         once = {each.id for each in self.before.agents}
-        room = dict(self.background)
+        room = {"vehicle": 0, "pedestrian": 0} if self.background is None else {**self.background}
         found: dict[str, SelectedAgent] = {}
         for name, each in self.earlier.agents.items():
             if name in foreground:
@@ -99,14 +99,16 @@ def build_revision(
     graph = apply_edits(before, edits)
     grounding = ground_graph(graph, intersection_map=intersection_map)
     amended, paces = _amend_agents(earlier, edits, pace)
+    hour = _choose_hour(earlier, edits)
+    redraws = hour != earlier.hour or graph.context.density != before.context.density
     touched, other = _find_touched(before, graph, edits)
     return Revision(
         earlier=earlier,
         before=before,
         graph=graph,
         grounding=grounding,
-        background=_count_background(earlier, before, graph, edits),
-        hour=_choose_hour(earlier, edits),
+        background=None if redraws else _count_background(earlier, before, edits),
+        hour=hour,
         named=frozenset(list_concerned(edits)),
         touched=touched,
         amended=amended,
@@ -159,22 +161,14 @@ def _find_touched(
 
 def list_concerned(edits: tuple[Edit, ...]) -> set[str]:
     """Agents that the edits name."""
-    names: set[str] = set()
+    names: set[str | None] = set()
     for edit in edits:
-        match edit:
-            case ChangeAgent(node=node) | AddAgent(node=node):
-                names.add(node.id)
-            case Relate(edge=edge):
-                names |= {edge.from_, edge.to}
-            case Unrelate(first=first, second=second):
-                names |= {first, second}
-            case RemoveAgent() | SetPace() | MoveStop() | WaitLonger() | ComeLater():
-                names.add(edit.agent)
-            case Redraw(agent=str(name)):
-                names.add(name)
-            case SetMeasure(measure=measure):
-                names |= {measure.agent, measure.other or measure.agent}
-    return names
+        for part in (edit, getattr(edit, "edge", None), getattr(edit, "measure", None)):
+            keys = ("agent", "first", "second", "from_", "to", "other")
+            names |= {getattr(part, key, None) for key in keys}
+        if isinstance(edit, ChangeAgent | AddAgent):
+            names.add(edit.node.id)
+    return {each for each in names if each is not None}
 
 
 def _amend_agents(
@@ -206,7 +200,7 @@ def _amend_agents(
 
 
 def _count_background(
-    earlier: PreviousVersion, before: SocialGraph, graph: SocialGraph, edits: tuple[Edit, ...]
+    earlier: PreviousVersion, before: SocialGraph, edits: tuple[Edit, ...]
 ) -> dict[AgentClass, int]:
     """How many of each class: as they were, but where an edit says otherwise."""
     once = {each.id for each in before.agents}
@@ -222,15 +216,6 @@ def _count_background(
             counts["vehicle"] = counts["vehicle"] if edit.vehicles is None else edit.vehicles
             asked = edit.pedestrians
             counts["pedestrian"] = counts["pedestrian"] if asked is None else asked
-        density = graph.context.density
-        changes = isinstance(edit, ChangeContext) and edit.density != before.context.density
-        if changes and density is not None:  # into the range of the word, vehicles first
-            (low, high), total = DENSITIES[density], sum(counts.values())
-            missing = (
-                max(low + (high - low) // 3 - total, 0) if total < low else min(high - total, 0)
-            )
-            vehicles = max(counts["vehicle"] + round(0.7 * missing), 0)
-            counts = {"vehicle": vehicles, "pedestrian": max(total + missing - vehicles, 0)}
     return {kind: max(count, 0) for kind, count in counts.items()}
 
 

@@ -23,7 +23,7 @@ def generate_attempts(revision: Revision) -> Iterator[FrozenAgents]:
         key = (
             frozenset(pins.same), frozenset(pins.placed), frozenset(pins.offered),
             frozenset(pins.fixed), pins.lights, frozenset(pins.patterns),
-            frozenset(pins.background.items()),
+            frozenset((pins.background or {}).items()),
         )  # fmt: skip
         if key not in seen:
             seen.add(key)
@@ -54,12 +54,12 @@ def _generate_attempts(revision: Revision) -> Iterator[FrozenAgents]:
         yield _build_pins(revision, all_agents, keep_paths=True)
         yield _build_pins(revision, all_agents, keep_paths=False)
         yield _build_pins(revision, all_agents, keep_paths=True, lights=False)
-    context = revision.graph.context
-    asked = context.background is not None or context.density is not None
+    context, counts = revision.graph.context, revision.background
+    asked = context.background is not None or context.density is not None or counts is None
     for share in _SHARES[:1] if asked else _SHARES:
         yield FrozenAgents(
             earlier=revision.earlier,
-            background={kind: int(share * n) for kind, n in revision.background.items()},
+            background=counts and {kind: int(share * n) for kind, n in counts.items()},
             hour=revision.hour,
             lights=False,
             pace=revision.pace,

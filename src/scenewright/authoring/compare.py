@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from scenewright.backends.offline import WORDS
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
-
-_FIGURES = {
-    "pet": "{:.1f} s apart", "clearance": "least distance {:.1f} m",
-    "path_ttc": "time to collision along the paths {:.1f} s", "relative_speed": "at {:.1f} m/s",
-}  # fmt: skip
-"""Evidence that is worth comparing, in words."""
 
 
 def compare_versions(
@@ -44,7 +39,7 @@ def _format_events(record: SceneRecord, proof: Proof) -> str:
     for event in proof.events:
         figures = ", ".join(
             words.format(event.evidence[key])
-            for key, words in _FIGURES.items()
+            for key, words in WORDS["answer_question"]["figures"].items()
             if isinstance(event.evidence.get(key), float)
         )
         pair = f"{names.get(event.from_, event.from_)} and {names.get(event.to, event.to)}"

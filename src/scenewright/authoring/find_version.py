@@ -6,29 +6,23 @@ import re
 from collections.abc import Sequence
 
 from scenewright.authoring.thread_state import ThreadState, Version
-from scenewright.backends.offline import CLASSES
+from scenewright.backends.offline import CLASSES, WORDS, compile_words
+from scenewright.scene.edits import Edit, diff_graphs
+from scenewright.scene.social import SocialGraph
 
-_NEWEST = re.compile(r"\b(?:latest|newest|most recent|last one i)\b")
-_FIRST = re.compile(r"\b(?:first|original|very start|beginning|oldest)\b")
-_BEFORE = re.compile(r"\bbefore\b (?P<what>.*)")
-_WITHOUT = re.compile(r"\bwithout\b (?P<what>.*)")
-_ALIKE = (
-    ("crash", r"crash\w*|collision\w*|collid\w*|accident\w*|hit|hits|smash\w*|bump\w*"),
-    ("miss", r"near|nearly|miss\w*|almost|scary|squeez\w*"),
-    ("yield", r"yield\w*|wait\w*|polite\w*|giv\w+ way|stops|good|nice\w*|proper\w*|lets"),
-    ("close", r"clos\w+|tight\w*"),
-    ("night", r"night\w*|nite|dark\w*|evening"), ("day", r"day\w*|noon|morning|light"),
-    ("slow", r"slow\w*"), ("fast", r"fast\w*|quick\w*"),
-    ("none", r"quiet\w*|empty|alone|without"), ("bad", r"bad|worse|worst|wrong"),
-)  # fmt: skip
-"""Words that mean about the same of a version, under one name."""
+_RETURNS = compile_words("find_version.returns")
+_GOES_BACK = compile_words("find_version.goes_back")
+_NEWEST = compile_words("find_version.newest")
+_FIRST = compile_words("find_version.first")
+_BEFORE = compile_words("find_version.before")
+_WITHOUT = compile_words("find_version.without")
+_EMPTY = compile_words("find_version.empty")
 _EVENT_WORDS = {"collide_at": "crash", "near_miss": "miss", "yield_to": "yield", "follow": "follow"}
-_EMPTY = re.compile(
-    r"the|a|an|one|ones|with|where|when|that|this|it|to|of|in|on|at|for|go|back|show|me|us|"
-    r"again|version|scene|please|can|we|could|i|you|want|like|though|and|had|was|were|is|be|"
-    r"ok|no|not|so|id|i'd|there|did|do|take|return|switch|open|give|use|let's|look|get|put|"
-    r"how|still|have|by|before|without|just|they|he|she|them|him|her|my|our|now|then|as|would"
-)
+
+
+def goes_back(words: str) -> bool:
+    """Whether words such as "go back to the collision" ask for an earlier version."""
+    return _GOES_BACK.search(words.lower()) is not None
 
 
 def find_version(words: str, state: ThreadState) -> int | None:
@@ -49,6 +43,32 @@ def find_version(words: str, state: ThreadState) -> int | None:
     if best[0] > 0:
         return best[1]
     return versions[0]["number"] if _FIRST.search(plain) else None
+
+
+def find_removal(words: str, state: ThreadState) -> tuple[int, tuple[Edit, ...]] | None:
+    """The version that took away what the words want back, and the edits that bring it back.
+
+    The latest one counts of those that the current version comes from; "it" is whatever went.
+    """
+    found = _RETURNS.search(words.lower().strip(" .!"))
+    if found is None:
+        return None
+    versions = {each["number"]: each for each in state.get("versions", [])}
+    number, wanted = state.get("current"), _list_tokens(found["what"])
+    while number is not None and (parent := versions[number]["parent"]) is not None:
+        now, before = (SocialGraph.model_validate(versions[n]["graph"]) for n in (number, parent))
+        was, there = _list_kinds(before), _list_kinds(now)
+        gone = {kind for name, kinds in was.items() if name not in there for kind in kinds}
+        if gone and (gone & wanted or not wanted):
+            return number, diff_graphs(now, before)
+        number = parent
+    return None
+
+
+def _list_kinds(graph: SocialGraph) -> dict[str, set[str | None]]:
+    """By id, what may be said of an agent or an object: its class, or kind, and its subtype."""
+    agents = {each.id: {each.type, each.subtype, each.id} for each in graph.agents}
+    return agents | {each.id: {each.kind, each.subtype, each.id} for each in graph.objects}
 
 
 def _find_absence(what: str, state: ThreadState) -> int | None:
@@ -91,7 +111,10 @@ def _list_tokens(text: str) -> set[str]:
     """The words that say something, those that mean the same under one name."""
     found = set()
     for word in re.findall(r"[a-z][a-z'-]*|\d+", text.lower()):
-        alike = next((name for name, same in _ALIKE if re.fullmatch(same, word)), None)
+        alike = next(
+            (name for name, same in WORDS["find_version"]["alike"] if re.fullmatch(same, word)),
+            None,
+        )
         noun = word[:-1] if word.endswith("s") and word[:-1] in CLASSES else word
         if alike is not None:
             found.add(alike)

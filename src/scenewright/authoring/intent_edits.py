@@ -14,13 +14,24 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
+from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.talk import Talk, simplify
-from scenewright.authoring.vocabulary import compile_words, fill_in
-from scenewright.backends.offline import WORDS, Named, find_named, rank_intents
+from scenewright.backends.offline import (
+    WORDS,
+    Named,
+    compile_words,
+    fill_in,
+    find_named,
+    rank_intents,
+)
+from scenewright.scene.account import NAME
 from scenewright.scene.base import OPPOSITE
 from scenewright.scene.edits import (
     AddAgent,
+    AddObject,
+    CallAgent,
     ChangeAgent,
+    ChangeContext,
     DeclinedTurn,
     Edit,
     Edits,
@@ -35,9 +46,11 @@ from scenewright.scene.edits import (
     SetPace,
     WaitLonger,
 )
-from scenewright.scene.measures import UNITS, Measure, MeasureKind
+from scenewright.scene.kinds import has_trait, list_names
+from scenewright.scene.measures import MOST_OF_CLASS, UNITS, Measure, MeasureKind
 from scenewright.scene.route_table import WAY_FIELDS
-from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
+from scenewright.scene.social import MOST_BACKGROUND, AgentNode, ObjectNode, RelationEdge
+from scenewright.tools.gmm_sampler.background_counts import DENSITIES
 
 SURE, LIKELY = 0.75, 0.45
 """Probabilities from which an intent overrides what was read otherwise, or is ignored."""
@@ -59,7 +72,10 @@ _NUMBER = compile_words("intent_edits.number")
 _RIDDEN = compile_words("intent_edits.ridden")
 _BEFORE_KIND = compile_words("intent_edits.before_kind")
 _SIDE = re.compile(r"\b(north|south|east|west)(bound)?(?:ern|erly)?\b")
-_IN_METRES = re.compile(r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b")
+_JOINS = r"\b(?:with|beside|next to|alongside)\b"
+_STANDS = r"\b(?:double[- ]?)?(?:parked|stalled|standing|broken[- ]down) "
+_FIRST = r"\bfirst$"
+_IN_METRES = r"\d ?(?:m\b|met)|\bmet(?:re|er)s?\b"
 _UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.447}
 
 
@@ -111,40 +127,71 @@ def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool
     kinds = MAKES.get(intent, ())
     if not isinstance(reading, Edits) or not all(each.edit in kinds for each in reading.edits):
         return False
-    plain, side = words.lower(), _find_side(words.lower())
+    named = talk.find_agents(simplify(words))
     nodes = [each.node for each in reading.edits if isinstance(each, ChangeAgent)]
-    paces = [each for each in reading.edits if isinstance(each, SetPace)]
     dials = [e.agent for e in reading.edits if isinstance(e, SetPace | WaitLonger | MoveStop)]
-    named = {each.id for each in talk.find_agents(simplify(words))}
-    if named and not {*dials, *(each.id for each in nodes)} <= named:
+    if named and not {*dials, *(each.id for each in nodes)} <= {each.id for each in named}:
         return False
-    match intent:
-        case "slower" | "faster" if paces:
-            every = re.search(r"\b(?:both|them|each|everyone)\b", plain) is None or len(paces) > 1
-            return every and all((e.factor < 1) == (intent == "slower") for e in paces)
-        case "slower" | "faster":
-            return re.search(r"\d", plain) is not None
-        case "more_traffic" | "less_traffic" if re.search(r"\b(?:half|twice|double)\b", plain):
-            return all(each.edit == "set_background" for each in reading.edits)
-        case "not_react":
-            return False  # whether there is anything to react to is seen by the wish alone
-        case "closer" | "less_close" | "harder" | "softer":  # what happens stays, by how much not
-            now = {(each.from_, each.to, each.type) for each in talk.list_edges()}
-            edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
-            return all((each.from_, each.to, each.type) in now for each in edges)
-        case "redraw":
-            return all(each == Redraw() for each in reading.edits) or " for " in plain
-        case "turn" if (said := _find_turn(plain)) is not None:
-            return any(node.movement == said for node in nodes)
-        case "cross_at" if side is not None:
-            return any(node.crosswalk == side for node in nodes)
-        case "come_from" if side is not None:
-            return any(node.entry == side for node in nodes)
-        case "add_agent":
-            follows = re.search(r"\b(?:behind|follow)", plain) is None
-            related = any(isinstance(each, Relate) for each in reading.edits)
-            return (follows or related) and not relates_known(reading, talk)
-    return True
+    does = _DOES.get(intent)
+    return does is None or does(reading, EditIntent(intent, words.lower(), talk, tuple(named)))
+
+
+def _sets_pace(reading: Edits, wish: EditIntent) -> bool:
+    paces = [each for each in reading.edits if isinstance(each, SetPace)]
+    if not paces:
+        return wish.says(r"\d")
+    every = not wish.says(r"\b(?:both|them|each|everyone)\b") or len(paces) > 1
+    return every and all((e.factor < 1) == (wish.intent == "slower") for e in paces)
+
+
+def _keeps_events(reading: Edits, wish: EditIntent) -> bool:
+    """Whether what happens stays, and only by how much does not."""
+    now = {(each.from_, each.to, each.type) for each in wish.talk.list_edges()}
+    edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
+    return all((each.from_, each.to, each.type) in now for each in edges)
+
+
+def _changes_way(reading: Edits, wish: EditIntent) -> bool:
+    field = {"turn": "movement", "cross_at": "crosswalk", "come_from": "entry"}[wish.intent]
+    said = _find_turn(wish.plain) if wish.intent == "turn" else _find_side(wish.plain)
+    nodes = (each.node for each in reading.edits if isinstance(each, ChangeAgent))
+    return said is None or any(getattr(node, field) == said for node in nodes)
+
+
+def _adds_agent(reading: Edits, wish: EditIntent) -> bool:
+    related = any(isinstance(each, Relate) for each in reading.edits)
+    if (wish.named and wish.says(_JOINS)) or relates_known(reading, wish.talk):
+        return False
+    return related or not wish.says(r"\b(?:behind|follow)")
+
+
+def _changes_context(reading: Edits, wish: EditIntent) -> bool:
+    """Whether the hour becomes another; or whether more, or fewer, others are around than now."""
+    was, now = wish.talk.situation.graph.context, sum(wish.talk.count_others().values())
+    edits = [each for each in reading.edits if isinstance(each, ChangeContext)]
+    if wish.intent == "clock":
+        return any(each.time_of_day != was.time_of_day for each in edits)
+    ranges = [DENSITIES[each.density or "medium"] for each in edits]
+    return not (edits and wish.says(r"\b(?:half|twice|double)\b")) and all(
+        now < least if wish.intent == "more_traffic" else now > most for least, most in ranges
+    )
+
+
+def _redraws(reading: Edits, wish: EditIntent) -> bool:
+    return " for " in wish.plain or all(each == Redraw() for each in reading.edits)
+
+
+_DOES: dict[str, Callable[[Edits, EditIntent], bool]] = {
+    **dict.fromkeys(("slower", "faster"), _sets_pace),
+    **dict.fromkeys(("clock", "more_traffic", "less_traffic"), _changes_context),
+    **dict.fromkeys(("closer", "less_close", "harder", "softer"), _keeps_events),
+    **dict.fromkeys(("turn", "cross_at", "come_from"), _changes_way),
+    **dict.fromkeys(("yields", "swap"), lambda _reading, wish: not wish.says(_FIRST)),
+    # Whether there is anything to react to, and of what red is run, is seen by the wish alone.
+    **dict.fromkeys(("not_react", "obey", "brake_hard"), lambda *_: False),
+    "add_agent": _adds_agent, "redraw": _redraws,
+}  # fmt: skip
+"""Intents -> whether the edits of a reading do that, beside being of its kinds."""
 
 
 def _find_turn(plain: str) -> str | None:
@@ -193,7 +240,10 @@ def replace_agent(node: AgentNode, new: Named, talk: Talk) -> Edits:
         if ends:
             update = open_ | dict.fromkeys(ends, name)
             related.append(Relate(edge=edge.model_copy(update=update)))
-    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *related)
+    said = situation.graph.said
+    own = [each.words for each in said if (each.note, each.agents) == (NAME, (node.id,))]
+    called = [CallAgent(agent=name, name=each) for each in own]
+    return make_edits(RemoveAgent(agent=node.id), AddAgent(node=added), *called, *related)
 
 
 def _set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
@@ -319,6 +369,10 @@ def _add(wish: EditIntent) -> _Answer:
     new, side = find_new_kind(wish.plain), _find_side(wish.plain)
     if new is None:
         return None
+    if new.type == "pedestrian" and wish.named and wish.says(_JOINS):
+        node = wish.named[0]
+        walks = node.type == "pedestrian"
+        return _change(wish, node, members=(node.members or 1) + 1) if walks else None
     where = f" from the {side}" if side else ""
     behind = wish.says(r"\b(?:follow|behind|after)") and wish.named
     if wish.says(r"\b(?:follow|behind)") and not behind:
@@ -339,12 +393,6 @@ def _become(wish: EditIntent) -> _Answer:
     if new.type != node.type:
         return replace_agent(node, new, wish.talk)
     return _change(wish, node, subtype=new.subtype) if node.type == "vehicle" else None
-
-
-def _go(wish: EditIntent) -> _Answer:
-    node, side = wish.choose(), _find_side(wish.plain)
-    way = "come from" if wish.intent == "come_from" else "leave to"
-    return None if node is None or side is None else f"make {node.id} {way} the {side}"
 
 
 def _change(wish: EditIntent, node: AgentNode, **update: object) -> Edits:
@@ -381,19 +429,23 @@ def _reverse(wish: EditIntent) -> _Answer:
 
 
 def _change_clock(wish: EditIntent) -> _Answer:
-    for hour, pattern in WORDS["intent_edits"]["hours"]:
+    for known, pattern in WORDS["intent_edits"]["hours"]:
         found = re.search(pattern, wish.plain)
-        if found is not None and hour:
-            return f"make it {hour}"
-        if found is not None:
+        if found is None:
+            continue
+        hour, density = known, wish.talk.situation.graph.context.density
+        if not hour:
             late = wish.says(r"evening|afternoon|night|\bpm\b") and int(found[1]) < 12
-            return f"make it {(int(found[1]) + (12 if late else 0)) % 24:02d}:{found[2] or '00'}"
+            hour = f"{(int(found[1]) + (12 if late else 0)) % 24:02d}:{found[2] or '00'}"
+        return make_edits(ChangeContext(density=density, time_of_day=hour))
     return None
 
 
 def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
     def make(wish: EditIntent) -> _Answer:
         edge, pair = wish.find_edge(), wish.pair()
+        if edge is not None and len(wish.named) == 1 and wish.says(_FIRST):
+            return _let_first(edge, wish.named[0].id)
         if edge is not None and (len(wish.named) < 2 or pair is None or kind != "yield_to"):
             turned = kind == "yield_to" and wish.named and wish.named[0].id == edge.to
             pair = (edge.to, edge.from_) if turned else (edge.from_, edge.to)
@@ -403,6 +455,17 @@ def _make_event_rule(kind: str) -> Callable[[EditIntent], _Answer]:
         return make_edits(Relate(edge=RelationEdge.model_validate(fields)))
 
     return make
+
+
+def _swap(wish: EditIntent) -> _Answer:
+    return _make_event_rule("yield_to")(wish) if wish.says(_FIRST) else "swap roles"
+
+
+def _let_first(edge: RelationEdge, first: str) -> Edits:
+    """What happens between two with one of them ahead; of who gives way it is the other."""
+    other = edge.to if edge.from_ == first else edge.from_
+    update = {"from_": other, "to": first} if edge.type == "yield_to" else {"first": first}
+    return make_edits(Relate(edge=edge.model_copy(update={**update, "pattern": None})))
 
 
 def _change_gap(wish: EditIntent) -> _Answer:
@@ -430,7 +493,7 @@ def _set_gap(wish: EditIntent) -> _Answer:
     value, edge = wish.number("s", "m") or wish.number(), wish.find_edge()
     if value is None or edge is None:
         return None
-    metres = _IN_METRES.search(wish.plain) is not None
+    metres = wish.says(_IN_METRES)
     if edge.type == "follow":
         return _set_measure("gap" if metres else "headway", value, edge.from_, edge.to)
     if metres:
@@ -441,18 +504,18 @@ def _set_gap(wish: EditIntent) -> _Answer:
 
 
 def _change_impact(wish: EditIntent) -> _Answer:
-    edge, speed = wish.find_edge("collide_at"), wish.measured("relative_speed")
+    """The speed at which they collide: as said, or a harder or softer crash than it is."""
+    edge, value, speed = (
+        wish.find_edge("collide_at"),
+        wish.number(),
+        wish.measured("relative_speed"),
+    )
+    if wish.intent == "set_impact":
+        speed = None if value is None else value if "m/s" in wish.plain else value / 3.6
+    elif speed is not None:
+        speed *= _CLOSER if wish.intent == "softer" else 1 / _CLOSER
     if edge is None or speed is None:
         return None
-    speed *= _CLOSER if wish.intent == "softer" else 1 / _CLOSER
-    return _relate(edge, impact_speed=round(min(speed, 20.0), 1))
-
-
-def _set_impact(wish: EditIntent) -> _Answer:
-    value, edge = wish.number(), wish.find_edge("collide_at")
-    if value is None or edge is None:
-        return None
-    speed = value if "m/s" in wish.plain else value / 3.6
     return _relate(edge, impact_speed=round(min(speed, 20.0), 2))
 
 
@@ -466,22 +529,6 @@ def _change_event_time(wish: EditIntent) -> _Answer:
     return _set_measure("time", wish.talk.events[0].time + later, edge.from_, edge.to)
 
 
-def _come(wish: EditIntent) -> _Answer:
-    node, seconds = wish.choose(vehicle_first=False), wish.number("s") or 2.0
-    when = "later" if wish.intent == "come_later" else "earlier"
-    return None if node is None else f"{node.id} comes {seconds:g} seconds {when}"
-
-
-def _stop(wish: EditIntent) -> _Answer:
-    """How long it stands, or where."""
-    subject = f"let {wish.named[0].id} " if wish.named else ""
-    if wish.intent.startswith("wait"):
-        more = "longer" if wish.intent == "wait_longer" else "less"
-        return f"{subject}wait {wish.number('s') or 2.0:g} seconds {more}"
-    where = "later" if wish.intent == "stop_later" else "earlier"
-    return f"{subject}stop {wish.number('m') or 1.0:g} metres {where}"
-
-
 def _make_stop(wish: EditIntent) -> _Answer:
     node, edge = wish.choose(), wish.find_edge("yield_to")
     if node is not None and edge is not None and edge.from_ == node.id:
@@ -493,8 +540,14 @@ def _brake(wish: EditIntent) -> _Answer:
     node, value = wish.choose(), wish.number("m/s") or wish.number()
     if node is None or node.type == "pedestrian":
         return None
+    edge = wish.find_edge("collide_at", "near_miss")
+    if edge is not None and wish.says(r"\blate\b") and node.type == "vehicle":
+        cause = next(name for name in list_names("cause") if has_trait("cause", name, "late"))
+        late = {"cause": cause, "braker": node.id, "pattern": None}
+        return make_edits(Relate(edge=edge.model_copy(update=late)))
     gentle = wish.says(r"gentl|soft|less|light")
-    return _set_measure("braking", value or (2.0 if gentle else 5.5), node.id)
+    most = MOST_OF_CLASS.get(node.type, {}).get("braking", UNITS["braking"].most)
+    return _set_measure("braking", value or min(2.0 if gentle else 5.5, most - 0.5), node.id)
 
 
 def _change_motion(wish: EditIntent) -> _Answer:
@@ -513,6 +566,8 @@ def _change_reaction(wish: EditIntent) -> _Answer:
     if node is None:
         return None
     met = wish.talk.list_edges("collide_at", "near_miss")
+    if any(node.id == edge.from_ for edge in wish.talk.list_edges("yield_to")):
+        return offer_sentences(f"{node.id} gives way.", ["make it a near miss", "make it a crash"])
     if not any(node.id in (edge.from_, edge.to) for edge in met):
         return decline(
             f"{node.id} is in no collision and no near miss, so there is nothing to react to. "
@@ -581,17 +636,42 @@ def _redraw(wish: EditIntent) -> _Answer:
 
 
 def _park_vehicle(wish: EditIntent) -> _Answer:
+    if (made := _change_standing(wish)) is not None:
+        return made
     thing, side = re.search(r"\b(?:box|container|bin)\b", wish.plain), _find_side(wish.plain)
-    kinds = [each.head for each in find_named(wish.plain) if each.type not in (None, "none")]
-    if side is None or not (thing or kinds):
+    nouns = find_named(re.sub(_STANDS, "", wish.plain))
+    kinds = [each.subtype for each in nouns if each.type == "vehicle"]
+    if not (thing or kinds):
         return None
-    return f"add a {thing[0] if thing else f'parked {kinds[0]}'} on the {side} leg"
+    number = max((int(o.id[7:]) for o in wish.talk.situation.graph.objects), default=0) + 1
+    kind, subtype = (thing[0], None) if thing else ("parked", kinds[0])
+    node = {"id": f"object-{number}", "kind": kind, "subtype": subtype, "leg": side}
+    return make_edits(AddObject(node=ObjectNode.model_validate(node)))
+
+
+def _change_standing(wish: EditIntent) -> Edits | None:
+    """What stands becomes of another kind, stands elsewhere or, where neither is said, goes."""
+    plain = re.sub(_STANDS, "", wish.plain)
+    nouns, side = find_named(plain), _find_side(plain)
+    old = [o for o in wish.talk.situation.graph.objects if o.id in plain or any(
+        each.det != "indefinite" and each.subtype == (o.subtype or "car") for each in nouns
+    ) or re.search(rf"\bthe {o.kind}\b", plain)]  # fmt: skip
+    new = [each.subtype for each in nouns if each.det == "indefinite" and each.type == "vehicle"]
+    if len(old) != 1:
+        return None
+    update = {"subtype": new[0]} if new else {"leg": side, "side": None} if side else None
+    gone = RemoveObject(object=old[0].id)
+    if update is None:
+        return make_edits(gone) if wish.intent in ("unpark", "remove") else None
+    return make_edits(gone, AddObject(node=old[0].model_copy(update=update)))
 
 
 def _remove_parked(wish: EditIntent) -> _Answer:
     objects = wish.talk.situation.graph.objects
     if not objects:
         return decline("Nothing stands in this scene that could be taken away.")
+    if (made := _change_standing(wish)) is not None:
+        return made
     return make_edits(RemoveObject(object=objects[0].id)) if len(objects) == 1 else None
 
 
@@ -605,35 +685,46 @@ def _hide(wish: EditIntent) -> _Answer:
 
 
 def _change_light(wish: EditIntent) -> _Answer:
+    """Who runs the red light, or no longer does; then nothing comes of it any more, either."""
     runs = wish.intent == "run_red"
+    causes = [e for e in wish.talk.list_edges() if has_trait("cause", e.cause, "red_light")]
     running = [each for each in wish.talk.situation.graph.agents if each.runs_red]
     node = wish.choose() if runs else next(iter(running), None)
-    if node is None:
+    if node is None and (runs or not causes):
         return None if runs else decline("No agent runs a red light in this scene.")
-    return _change(wish, node, runs_red=runs)
+    changed = () if node is None else _change(wish, node, runs_red=runs).edits
+    freed = [] if runs else [Relate(edge=e.model_copy(update={"cause": None})) for e in causes]
+    return make_edits(*changed, *freed)
 
 
-def _make_jaywalker(wish: EditIntent) -> _Answer:
-    walker = wish.find_walker()
-    return None if walker is None else f"make {walker.id} jaywalk"
+def _speak(wish: EditIntent) -> str | None:
+    """The sentence that says the wish, with what the words name in its places."""
+    sentence: str = WORDS["intent_edits"]["spoken"][wish.intent]
+    named, walker = (wish.named[0] if wish.named else None), wish.find_walker()
+    agents = {"named": named, "who": wish.choose(), "walker": walker,
+              "anyone": wish.choose(vehicle_first=False)}  # fmt: skip
+    places = {place: None if node is None else node.id for place, node in agents.items()} | {
+        "side": _find_side(wish.plain), "let": f"let {named.id} " if named else "",
+        "seconds": f"{wish.number('s') or 2.0:g}", "metres": f"{wish.number('m') or 1.0:g}",
+    }  # fmt: skip
+    said = sentence.format(**places)
+    return None if "None" in said else said
 
 
 _WISHES: dict[str, Callable[[EditIntent], _Answer]] = {
     "slower": _change_pace, "faster": _change_pace, "set_speed": _change_speed,
-    "remove": lambda wish: f"remove {wish.named[0].id}" if wish.named else None,
-    "add_agent": _add, "become": _become, "come_from": _go, "turn": _turn, "go_to": _go,
+    **dict.fromkeys(WORDS["intent_edits"]["spoken"], _speak),
+    "add_agent": _add, "become": _become, "turn": _turn,
     "cross_at": _cross, "reverse": _reverse, "clock": _change_clock,
     "collide": _make_event_rule("collide_at"), "near_miss": _make_event_rule("near_miss"),
     "yields": _make_event_rule("yield_to"), "follow": _make_event_rule("follow"),
-    "nothing_happens": lambda _wish: "nothing happens", "swap": lambda _wish: "swap roles",
+    "swap": _swap,
     "closer": _change_gap, "less_close": _change_gap, "set_gap": _set_gap,
-    "harder": _change_impact, "softer": _change_impact, "set_impact": _set_impact,
+    **dict.fromkeys(("harder", "softer", "set_impact"), _change_impact),
     "event_earlier": _change_event_time, "event_later": _change_event_time,
-    "come_earlier": _come, "come_later": _come,
-    **dict.fromkeys(("wait_longer", "wait_less", "stop_earlier", "stop_later"), _stop),
     "make_stop": _make_stop, "brake_hard": _brake, "not_react": _change_reaction,
     "runs": _change_motion, "more_traffic": _change_background,
     "less_traffic": _change_background, "no_traffic": _remove_background, "set_count": _set_count,
     "redraw": _redraw, "park": _park_vehicle, "unpark": _remove_parked, "hide": _hide,
-    "run_red": _change_light, "obey": _change_light, "jaywalk": _make_jaywalker,
+    "run_red": _change_light, "obey": _change_light,
 }  # fmt: skip

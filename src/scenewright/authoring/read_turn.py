@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from scenewright.backends import Account, Backend, get_backend_of_task, ignore_account
-from scenewright.backends.offline import CLASSES
+from scenewright.backends.offline import CLASSES, compile_words
 from scenewright.errors import BackendFault
 from scenewright.scene.edits import (
     AgentView,
@@ -20,31 +20,23 @@ from scenewright.scene.edits import (
 )
 from scenewright.scene.frozen_agents import PreviousVersion
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.record import SceneRecord
+from scenewright.scene.phrasing import call_agents
+from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.social import Refusal, SocialGraph
 
 
 def build_situation(graph: SocialGraph, record: SceneRecord, earlier: PreviousVersion) -> Situation:
     """The situation that words are read against: the social graph and the agents."""
+    called, same = call_agents(record), AgentView.model_fields.keys() & AgentRecord.model_fields
     present = []
     for each in record.agents:
         agent = earlier.agents[each.name].agent
-        present.append(
-            AgentView(
-                id=each.name,
-                number=each.id,
-                type=each.type,
-                subtype=each.subtype,
-                entry=each.entry,
-                exit=each.exit,
-                movement=each.movement,
-                crosswalk=each.crosswalk,
-                role=each.role,
-                speed=agent.candidate.time_law.speed,
-                stops=bool(agent.stands),
-                slows_to=min((stop.speed for stop in agent.stops if stop.rolls), default=None),
-            )
-        )
+        view = {key: getattr(each, key) for key in same} | {
+            "id": each.name, "number": each.id, "called": called[each.id],
+            "speed": agent.candidate.time_law.speed, "stops": bool(agent.stands),
+            "slows_to": min((stop.speed for stop in agent.stops if stop.rolls), default=None),
+        }  # fmt: skip
+        present.append(AgentView.model_validate(view))
     return Situation(graph=graph, present=tuple(present))
 
 
@@ -97,10 +89,7 @@ SENTENCE = "sentence"
 """Marker of a choice between sentences, in place of a phrase."""
 
 
-_TELLS_EVENT = re.compile(
-    r"near|almost|miss|crash|accident|collision|collide|bump|smash|hit|struck|yield|give way|wait|"
-    r"follow|brake|stop|conflict|cut|dodge"
-)
+_TELLS_EVENT = compile_words("read_turn.tells_event")
 _NOTHING = "Nothing happens"
 """In an offered sentence without an event."""
 _SENTENCES = re.compile(r"(?<=[.!?;:])\s+|\n+")

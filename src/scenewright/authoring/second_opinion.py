@@ -14,6 +14,7 @@ from scenewright.authoring.intent_edits import (
     MAKES,
     STEPS,
     SURE,
+    decline,
     find_new_kind,
     guess_intent,
     is_consistent,
@@ -23,8 +24,7 @@ from scenewright.authoring.intent_edits import (
 from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.talk import Talk, simplify
 from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
-from scenewright.authoring.vocabulary import compile_words
-from scenewright.backends.offline import CLASSES, WORDS, find_named, rank_intents
+from scenewright.backends.offline import CLASSES, WORDS, compile_words, find_named, rank_intents
 from scenewright.scene.edits import (
     ChangeAgent,
     Clarification,
@@ -40,7 +40,7 @@ from scenewright.scene.route_table import WAY_FIELDS
 Read = Callable[[str], Reading]
 _CLAUSES = re.compile(r"\s*(?:[.;!?]+(?=\s|$)|,|\s-\s)\s*")
 _NUMBER = compile_words("second_opinion.number")
-_NUMBERS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
+_NUMBERS: dict[str, int] = WORDS["turn_kind"]["numbers"]
 _SENTENCES: dict[str, str] = WORDS["second_opinion"]["sentences"]
 _MOST_OFFERED, _LEAST_OFFERED = 3, 0.08
 _HARDLY = 0.12
@@ -78,9 +78,9 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
         return TurnKind(kind="question", words=words, topic=guess.intent)
     steps = ("version", "undo", "redo")
     if scene and (guess.intent == "version" or (guess.intent in steps and _NEWEST.search(words))):
-        plain = words.lower().replace("second version", "version two")
-        found = _VERSION.search(plain.replace("third version", "version three"))
-        number = None if found is None else _NUMBERS.get(found[1]) or int(found[1])
+        found = _VERSION.search(words.lower())
+        said = None if found is None else found[1] or found[2]
+        number = None if said is None else _NUMBERS.get(said) or int(said)
         return TurnKind(kind="version", words=words, number=number)
     if guess.intent in STEPS and not _is_change(words):
         return _step(STEPS[guess.intent], words)
@@ -110,7 +110,7 @@ def _read_number(words: str) -> int | None:
     plain = words.lower()
     if re.search(r"\b(?:first|original|very start|beginning)\b", plain):
         return 1
-    found = _NUMBER.search(plain.replace("second", "two").replace("third", "three"))
+    found = _NUMBER.search(plain)
     return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
 
 
@@ -186,7 +186,7 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
         return None
     if len(_NEW_ONE.findall(words.lower())) >= 1:
         return None
-    reason = "There is no scene yet to change; say first what shall happen between which agents."
+    reason = WORDS["second_opinion"]["no_scene"]
     return DeclinedTurn(code="no_change", reason=reason)
 
 
@@ -261,13 +261,17 @@ def _keep_ways(reading: Edits, talk: Talk) -> Edits:
 
 def _choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
     guess = guess_intent(words)
+    if (name := talk.find_unknown_name(words)) is not None:
+        called = ", ".join(e.called for e in talk.situation.present if e.role == "foreground")
+        return decline(f"Nobody here is called {name}; there is {called or 'nobody'}.")
     if (noun := simplify(words)) in CLASSES:
         there = [f"remove {each.id}" for each in talk.find_agents(f"the {noun}")[:1]]
         return offer_sentences(f"What about the {noun}?", [f"add a {noun}", *there])
     if is_consistent(by_planner, guess.intent, words, talk):
         return by_planner
-    counts = guess.intent == "set_count" and guess.chance >= SURE  # "cars 6" is not vehicle-6
-    if isinstance(by_planner, DeclinedTurn) and by_planner.code == "impossible" and not counts:
+    # "cars 6" is not vehicle-6, and "the parked van" no agent
+    other = guess.intent in ("set_count", "park", "unpark") and guess.chance >= LIKELY
+    if isinstance(by_planner, DeclinedTurn) and by_planner.code == "impossible" and not other:
         return by_planner  # it was understood, and says what the map does not allow
     if isinstance(by_planner, Edits) and (
         _is_bold(by_planner, words)
@@ -318,13 +322,7 @@ def _keep(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
 
 
 def _decline_change() -> DeclinedTurn:
-    return DeclinedTurn(
-        code="no_change",
-        reason="I cannot tell what shall be different, or cannot do that, so nothing is: I can "
-        "change who is there, how they move, what happens between them and the hour. Say one "
-        'change at a time, such as "slow the car down" or "make it night"; "new scene: ..." '
-        "begins another one.",
-    )
+    return DeclinedTurn(code="no_change", reason=WORDS["second_opinion"]["unclear"])
 
 
 _NEW_ONE = re.compile(r"\b(?:a|an|two|three|some|another|somebody|someone)\s+\w+")
@@ -337,6 +335,8 @@ def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:
         if chance < _LEAST_OFFERED or name not in MAKES:
             continue
         spelt = spell_out(name, words, talk)
+        if isinstance(spelt, Clarification):
+            return spelt
         if isinstance(spelt, str):
             said = spelt if isinstance(read(spelt), Edits) else None
         else:

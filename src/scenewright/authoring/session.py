@@ -14,7 +14,8 @@ import re
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from contextvars import Context
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, cast
 
 from langchain_core.runnables import RunnableConfig
@@ -26,7 +27,7 @@ from scenewright.authoring.answer_question import answer_question, define_terms,
 from scenewright.authoring.apply_edits import list_concerned
 from scenewright.authoring.compare import compare_versions
 from scenewright.authoring.direct_edits import list_handles, read_direct_edits
-from scenewright.authoring.find_version import find_version
+from scenewright.authoring.find_version import find_removal, find_version, goes_back
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
@@ -50,9 +51,9 @@ from scenewright.authoring.thread_state import (
     Version,
 )
 from scenewright.authoring.turn_kind import TurnKind, spell_fully
-from scenewright.authoring.versions import EditResult, Setting, begin, change
+from scenewright.authoring.versions import EditResult, begin, change
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
-from scenewright.backends.offline import begins_anew, read_choice
+from scenewright.backends.offline import WORDS, begins_anew, compile_words, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
     ProgressCallback,
@@ -61,6 +62,7 @@ from scenewright.graph.run import (
     encode_scene,
     format_json_line,
     sum_costs_by_task,
+    synthesize,
 )
 from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
@@ -68,6 +70,7 @@ from scenewright.memory.threads import Threads
 from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.account import LEFT_TO_STAGES
 from scenewright.scene.edits import (
+    CallAgent,
     Clarification,
     DeclinedTurn,
     Edit,
@@ -87,20 +90,9 @@ from scenewright.work_limit import MOST_WORK, limit_work
 MAIN = "main"
 _READING: TypeAdapter[Reading] = TypeAdapter(Reading)
 _EDITS: TypeAdapter[tuple[Edit, ...]] = TypeAdapter(tuple[Edit, ...])
-_OPENING = re.compile(
-    r"^\s*(?:a )?(?:new scene|start over|from scratch)\s*[:;,.]?\s*(?=\S)", re.IGNORECASE
-)
-_ABOUT_VERSION = re.compile(
-    r"(?:which|what) version|what (?:did (?:you|i|we)|have (?:you|i|we)|was|has been|is) "
-    r"(?:just )?(?:change|different)"
-)
-_NOTHING_YET = (
-    "there is no scene yet; I make scenes of traffic at an intersection from words and tell what "
-    "is in them: say what shall happen, such as 'a car from the north yields to a pedestrian'"
-)
-_SAY_MORE = "All right; the scene is as it was. Say what shall be different, or ask about it."
-_BEGIN = "Hello. Say what shall happen at an intersection; /help says more."
-_AGREES = re.compile(r"^(?:(?:yes|yeah|yep|ok(?:ay)?|sure|do|try|that|it|please|exactly)[ ,.!]*)+$")
+_OPENING = compile_words("session.opening")
+_ABOUT_VERSION = compile_words("session.about_version")
+_AGREES = compile_words("session.agrees")
 _SHORT_ANSWER = 3
 """Words of what may be meant as an answer to a question, though it is none of its answers."""
 _SHORT_QUESTION = 8
@@ -126,10 +118,10 @@ class SessionContext:
 
     threads: Threads
     backend: Backend
-    log: ProgressCallback = field(default=lambda _stage, _line: None)
-    recall: ExampleRetriever = recall_nothing
-    time_limit: float = DEFAULT_LIMIT
-    lawful: bool = False
+    log: ProgressCallback
+    recall: ExampleRetriever
+    time_limit: float
+    lawful: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,14 +168,8 @@ class Session:
         check_time_limit(time_limit)
         self.thread = thread
         self._threads = threads
-        self._context = SessionContext(
-            threads,
-            backend,
-            log or (lambda _stage, _line: None),
-            recall or recall_nothing,
-            time_limit,
-            lawful,
-        )
+        log, recall = log or (lambda _stage, _line: None), recall or recall_nothing
+        self._context = SessionContext(threads, backend, log, recall, time_limit, lawful)
         self._graph = build_session().compile(checkpointer=threads.saver)
         self._config: RunnableConfig = {
             "configurable": {"thread_id": thread},
@@ -386,19 +372,21 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     words, other = (words, False) if chosen else correct(words, state.get("before", ""))
     if other:
         state = _take_back(state)
-    turn = weigh_kind(words, scene=state.get("current") is not None)
-    if turn.kind == "why" and not state.get("refused"):
-        turn = TurnKind(kind="question", words=words, topic="q_why")
-    if turn.kind == "question" and turn.topic is None and len(words.split()) <= _SHORT_QUESTION:
-        turn = turn.model_copy(update={"topic": state.get("topic")})  # "and how much is it now?"
-    if turn.kind == "version" and turn.number is None:
-        turn = turn.model_copy(update={"number": find_version(words, state)})
-    if not chosen and turn.kind != "words":
+    talk = _build_talk(state, runtime.context)
+    given = None if talk is None or chosen else _read_given(words, talk, state)
+    if talk is not None and not chosen and given is None:
+        words = talk.name_plainly(words)
+    turn = given if isinstance(given, TurnKind) else _classify(words, state)
+    if not chosen and not isinstance(given, Edits) and turn.kind != "words":
         steered = {"reading": "turn", **turn.model_dump(mode="json")}
         return {"reading": steered, "pending": None, "before": words,
                 "narrator": narrator, "topic": turn.topic}  # fmt: skip
     calls: list[Call] = []
-    reading = _read(turn.words, chosen, state, runtime.context, said=words, account=calls.append)
+    reading: Reading = (
+        given
+        if isinstance(given, Edits)
+        else _read(turn.words, chosen, state, runtime.context, talk, words, calls.append)
+    )
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
     if (
         isinstance(reading, NewScene)
@@ -423,6 +411,32 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
         "models": sum_costs_by_task(calls),
     }  # fmt: skip
     return {**out, "current": state.get("current")} if other else out
+
+
+def _read_given(words: str, talk: Talk, state: ThreadState) -> Edits | TurnKind | None:
+    """Words that give a name, or want back what went; None for all others."""
+    if (name := talk.read_name(words)) is not None:
+        return Edits(edits=(name,))
+    if (removal := find_removal(words, state)) is None:
+        return None
+    number, edits = removal
+    last = number == state.get("current")
+    return TurnKind(kind="undo", words=words) if last else Edits(edits=edits)
+
+
+def _classify(words: str, state: ThreadState) -> TurnKind:
+    """The kind of the words, of a question its topic, of a version its number."""
+    turn = weigh_kind(words, scene=state.get("current") is not None)
+    if turn.kind == "why" and not state.get("refused"):
+        return TurnKind(kind="question", words=words, topic="q_why")
+    if turn.kind == "question" and turn.topic is None and len(words.split()) <= _SHORT_QUESTION:
+        return turn.model_copy(update={"topic": state.get("topic")})  # "and how much is it now?"
+    back = turn.kind == "words" and goes_back(words)
+    if (turn.kind == "version" or back) and turn.number is None:
+        number = find_version(words, state)
+        if number is not None or not back:
+            return TurnKind(kind="version", words=words, number=number)
+    return turn
 
 
 def _take_back(state: ThreadState) -> ThreadState:
@@ -456,35 +470,43 @@ def _read(
     chosen: dict[str, str],
     state: ThreadState,
     context: SessionContext,
-    *,
+    talk: Talk | None,
     said: str,
     account: Account,
 ) -> Reading:
-    version = _find_version(state, None)
-    if version is None:
+    if talk is None:
         missing = check_first_words(said)
         return missing or _read_with(words, None, chosen, state, context, account=account)
-    situation = build_situation(
-        SocialGraph.model_validate(version["graph"]),
-        SceneRecord.model_validate_json(context.threads.get_bytes(version["scene"])),
-        deserialize_version(context.threads.get_bytes(version["earlier"])),
-    )
+    situation = talk.situation
     if (
         chosen
         or begins_anew(words)
         or not get_backend_of_task(context.backend, "plan").deterministic
     ):
         return _read_with(words, situation, chosen, state, context, account=account)
-    proof = Proof.model_validate_json(context.threads.get_bytes(version["proof"]))
-    talk = Talk(situation, _list_touched(state), proof.events, state.get("narrator"))
-    asked = [each.id for each in talk.find_agents(simplify(state.get("before", "")))]
-    if len(asked) == 1:  # "how fast is the car?", and then "make it slower"
-        talk = replace(talk, touched=[*asked, *talk.touched])
 
     def read_plain(plain: str) -> Reading:
         return _read_with(plain, situation, {}, state, context, account=account)
 
     return choose_reading(said, read_plain(talk.name_spoken(words)), talk, read_plain)
+
+
+def _build_talk(state: ThreadState, context: SessionContext) -> Talk | None:
+    """The current version as it is spoken of; None before there is one."""
+    version = _find_version(state, None)
+    if version is None:
+        return None
+    record, proof = _load_scene(version, context)
+    situation = build_situation(
+        SocialGraph.model_validate(version["graph"]),
+        record,
+        deserialize_version(context.threads.get_bytes(version["earlier"])),
+    )
+    talk = Talk(situation, _list_touched(state), proof.events, state.get("narrator"))
+    asked = [each.id for each in talk.find_agents(simplify(state.get("before", "")))]
+    if len(asked) == 1:  # "how fast is the car?", and then "make it slower"
+        talk = replace(talk, touched=[*asked, *talk.touched])
+    return talk
 
 
 def _list_touched(state: ThreadState) -> list[str]:
@@ -529,27 +551,29 @@ def choose_after_read(state: ThreadState) -> Literal["solve", "answer"]:
 def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState:
     """The next version, verified and kept; or why there is none."""
     context, heading = runtime.context, state["heading"]
-    setting = Setting(
-        heading["intersection"],
-        context.backend,
-        heading["seed"],
-        heading["refiner"],
-        context.recall,
-        context.time_limit,
-        context.lawful,
-        state.get("argument") == LENIENT,
-    )
+    shared: dict[str, Any] = {
+        "intersection": heading["intersection"], "seed": heading["seed"],
+        "refiner": heading["refiner"], "backend": context.backend, "recall": context.recall,
+        "lawful": context.lawful, "lenient": state.get("argument") == LENIENT,
+        "time_limit": context.time_limit, "log": context.log,
+    }  # fmt: skip
     reading = _READING.validate_python(state["reading"])
     version, lost = _find_version(state, None), list[str]()
     try:
         if isinstance(reading, Edits) and version is not None:
             # What was left out of the version is left out of what is made of it.
-            unshown = _load_scene(version, context)[1].list_words("not_shown")
-            setting = replace(setting, lenient=setting.lenient or bool(unshown))
-            text = _join_words(version["text"], state["words"])
-            made = _run_apart(
-                setting, _change_version, text, reading.edits, version, setting, context
-            )
+            record, proof = _load_scene(version, context)
+            shared["lenient"] = shared["lenient"] or bool(proof.list_words("not_shown"))
+            names = all(isinstance(each, CallAgent) for each in reading.edits)
+            text = version["text"] if names else _join_words(version["text"], state["words"])
+            step = partial(
+                change, text, reading.edits, partial(synthesize, **shared),
+                intersection=heading["intersection"], record=record,
+                before=SocialGraph.model_validate(version["graph"]),
+                earlier=deserialize_version(context.threads.get_bytes(version["earlier"])),
+                pace=version["pace"], by_hand=version["by_hand"], log=context.log,
+            )  # fmt: skip
+            made = _run_apart(step, context.time_limit)
         else:
             text = _keep_hour(_OPENING.sub("", state["words"]), version)
             asked: str | PlanFile = text
@@ -557,9 +581,9 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
                 given = json.loads(state["argument"])
                 plan = SocialGraph.model_validate(given["plan"])
                 asked = PlanFile(plan, given["text"], given["as_read"])
-                seed = setting.seed if given["seed"] is None else given["seed"]
-                setting = replace(setting, seed=seed)
-            made = _run_apart(setting, begin, asked, setting, log=context.log)
+                shared["seed"] = shared["seed"] if given["seed"] is None else given["seed"]
+            make = partial(begin, asked, partial(synthesize, **shared))
+            made = _run_apart(make, context.time_limit)
             if isinstance(asked, PlanFile) and not asked.as_read:  # its words are of its fields
                 made = replace(made, graph=made.graph.model_copy(update={"said": ()}))
                 lost = [each.words for each in asked.plan.said if each.became in LEFT_TO_STAGES]
@@ -573,8 +597,8 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
     return entered
 
 
-_ADDED = re.compile(r"^\s*(?:(?:and|now|then|ok|please) )*(?:add|put in)\s+", re.IGNORECASE)
-_HOUR = re.compile(r"\b(?:at \d|\d ?[ap]m|morning|noon|afternoon|evening|night|rush|o'clock)")
+_ADDED = compile_words("session.added")
+_HOUR = compile_words("session.hour")
 
 
 def _keep_hour(words: str, version: Version | None) -> str:
@@ -588,34 +612,15 @@ def _keep_hour(words: str, version: Version | None) -> str:
     return f"{_ADDED.sub('', words).rstrip('.! ')}, at {str(hour)[:5]}"
 
 
-def _run_apart(
-    setting: Setting, make: Callable[..., EditResult], *args: Any, **named: Any
-) -> EditResult:
+def _run_apart(make: Callable[[], EditResult], time_limit: float) -> EditResult:
     """Run in the time of a turn, and where LangGraph knows nothing of this graph: a pipeline inside
     it is not checkpointed."""
 
     def run_limited() -> EditResult:
-        with limit_time(setting.time_limit), limit_work(_TURN_WORK):
-            return make(*args, **named)
+        with limit_time(time_limit), limit_work(_TURN_WORK):
+            return make()
 
     return Context().run(run_limited)
-
-
-def _change_version(
-    text: str, edits: tuple[Edit, ...], version: Version, setting: Setting, context: SessionContext
-) -> EditResult:
-    threads = context.threads
-    return change(
-        text,
-        edits,
-        setting,
-        before=SocialGraph.model_validate(version["graph"]),
-        earlier=deserialize_version(threads.get_bytes(version["earlier"])),
-        record=SceneRecord.model_validate_json(threads.get_bytes(version["scene"])),
-        pace=version["pace"],
-        by_hand=version["by_hand"],
-        log=context.log,
-    )
 
 
 def _join_words(before: str, words: str) -> str:
@@ -750,7 +755,11 @@ def _handle_command(state: ThreadState, turn: TurnKind, context: SessionContext)
         case "question":
             return {"reply": _answer_question(state, turn, context)}
         case "talk":
-            reason = _BEGIN if state.get("current") is None else _SAY_MORE
+            reason = (
+                WORDS["session"]["begin"]
+                if state.get("current") is None
+                else WORDS["session"]["say_more"]
+            )
             return {"reply": {"kind": "nothing", "reason": reason}}
     named = {"name": turn.name} if turn.name else {}
     return {"reply": {"kind": "wish", "wish": turn.kind, **named}}
@@ -772,7 +781,7 @@ def _answer_question(state: ThreadState, turn: TurnKind, context: SessionContext
     if turn.topic == "q_formats":
         return {"kind": "answer", "lines": list_formats()}
     if version is None:
-        return {"kind": "nothing", "reason": _NOTHING_YET}
+        return {"kind": "nothing", "reason": WORDS["session"]["nothing_yet"]}
     if turn.topic in ("q_changed", "q_version") or _ABOUT_VERSION.search(words.lower()):
         return {"kind": "answer", "lines": _describe_version(state, version, words, context)}
     record, proof = _load_scene(version, context)

@@ -6,10 +6,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenewright.authoring.vocabulary import compile_words
-from scenewright.backends.offline import ORDINALS, Named, find_named
-from scenewright.scene.edits import AgentView, Situation
+from scenewright.backends.offline import ORDINALS, WORDS, Named, compile_words, fill_in, find_named
+from scenewright.scene.edits import AgentView, CallAgent, Situation
 from scenewright.scene.events import Event
+from scenewright.scene.phrasing import name_kind
 from scenewright.scene.route_table import WAY_FIELDS
 from scenewright.scene.social import AgentNode, RelationEdge
 
@@ -17,6 +17,8 @@ _FILLER = compile_words("talk.filler")
 _WORD = compile_words("talk.word")
 _PRONOUN = compile_words("talk.pronoun")
 _EVERYBODY = compile_words("talk.everybody")
+_NAMED_ONE = re.compile(WORDS["talk"]["named_one"])
+_NAMES = re.compile(fill_in(WORDS["talk"]["names"]), re.IGNORECASE)
 
 
 def simplify(words: str) -> str:
@@ -103,6 +105,42 @@ class Talk:
                 return each.head
         return None
 
+    def read_name(self, words: str) -> CallAgent | None:
+        """The name that the words give to an agent; None where they give none."""
+        found = _NAMES.search(words.strip(" .!"))
+        if found is None or find_named(found["name"].lower()):
+            return None
+        who = (found["who"] or found["is"] or found["of"]).lower()
+        nodes = self.find_agents({"his": "him", "its": "it"}.get(who, who))
+        name = found["name"]
+        name = name.capitalize() if name.islower() else name
+        return CallAgent(agent=nodes[0].id, name=name) if len(nodes) == 1 else None
+
+    def name_plainly(self, words: str) -> str:
+        """The words with nouns, or ids, in place of "Anna", "the old man" and "one of the kids"."""
+        front = [each for each in self.situation.present if each.role == "foreground"]
+        for each in front:
+            own = each.called.removeprefix("the ")
+            if own == each.called and not own[:1].isupper():
+                continue  # "car 2"
+            if own == each.called or " " in own:
+                alike = [e for e in front if (e.type, e.subtype) == (each.type, each.subtype)]
+                noun = f"the {name_kind(each.subtype or each.type)}"
+                plain = noun if len(alike) == 1 else each.id
+                words = re.sub(rf"\b(?:the )?{re.escape(own)}\b", plain, words, flags=re.IGNORECASE)
+        for named in find_named(words.lower()):
+            there = [each for each in front if each.type == named.type]
+            some = rf"\bone of the {re.escape(named.phrase)}\b"
+            if named.plural and len(there) > 1:
+                words = re.sub(some, there[0].id, words, flags=re.IGNORECASE)
+        return words
+
+    def find_unknown_name(self, words: str) -> str | None:
+        """A name that no agent has, after its known ones were replaced: "let Otto walk faster"."""
+        found = _NAMED_ONE.search(words)
+        known = found is None or find_named(found[1].lower()) or _WORD.search(found[1].lower())
+        return None if found is None or known else found[1]
+
     def name_spoken(self, words: str) -> str:
         """Replace each pronoun by the id of the agent that it means, where that is known."""
 
@@ -116,6 +154,10 @@ class Talk:
     def _list_alike(self, named: Named) -> list[AgentNode]:
         """The agents that a noun may mean: "the car" is any vehicle where none is called so."""
         found = [each for each in self.list_agents() if each.type == named.type]
+        called = {each.id: each.called for each in self.situation.present}
+        if own := [each for each in found if called.get(each.id) == f"the {named.phrase}"]:
+            return own
+        found = [e for e in found if named.head in called.get(e.id, "").split()] or found
         exact = [e for e in found if named.subtype is None or e.subtype in (named.subtype, None)]
         return exact or (found if named.subtype in (None, "car") else [])
 

@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from scenewright.authoring.vocabulary import compile_words, fill_in
-from scenewright.backends.offline import WORDS
+from scenewright.backends.offline import WORDS, compile_words, fill_in
 from scenewright.scene.base import Model
 
 Kind = Literal[

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from scenewright.authoring.apply_edits import Revision, build_revision
 from scenewright.authoring.attempts import generate_attempts
-from scenewright.backends import Backend
 from scenewright.errors import Unsatisfiable
-from scenewright.graph.run import ProgressCallback, Scene, synthesize
+from scenewright.graph.run import ProgressCallback, Scene
 from scenewright.intersections import load_map
 from scenewright.nodes.context import Budgets
-from scenewright.nodes.prompts import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import Edit
 from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
 from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import SocialGraph
-from scenewright.time_limit import DEFAULT_LIMIT
 from scenewright.tools.account import find_unasked_changes
 
 _PINNED = Budgets(planner=0, filter=1, reasoner=1, generator=1)
@@ -26,27 +24,11 @@ _MOST_TRIES = 10
 """Attempts with frozen agents before all agents are drawn anew."""
 
 _UNPINNED = Budgets(generator=5)
-"""How long one attempt with pins is tried before more may move."""
+"""Of an attempt in which all agents, or those of the background, are drawn."""
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What all versions of a thread share.
-
-    Attributes:
-        intersection: name of a bundle; backend: name of the planner and reasoner.
-        seed: of everything drawn; refiner, recall: as in `synthesize`.
-        lawful, lenient, time_limit: as in `synthesize`, the last for a turn.
-    """
-
-    intersection: str
-    backend: str | Backend
-    seed: int
-    refiner: str = "none"
-    recall: ExampleRetriever = recall_nothing
-    time_limit: float = DEFAULT_LIMIT
-    lawful: bool = False
-    lenient: bool = False
+Make = Callable[..., Scene]
+"""`synthesize` with all that the versions of a thread share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,36 +54,24 @@ class EditResult:
     let_go: tuple[str, ...] = ()
 
 
-def begin(
-    asked: str | PlanFile, setting: Setting, *, log: ProgressCallback | None = None
-) -> EditResult:
+def begin(asked: str | PlanFile, make: Make) -> EditResult:
     """The first version, from an instruction or a plan (see `synthesize` for what it raises)."""
-    scene = synthesize(
-        asked,
-        intersection=setting.intersection,
-        backend=setting.backend,
-        seed=setting.seed,
-        refiner=setting.refiner,
-        recall=setting.recall,
-        lawful=setting.lawful,
-        lenient=setting.lenient,
-        time_limit=setting.time_limit,
-        log=log,
-    )
+    scene = make(asked)
     return EditResult(scene, scene.state["social_graph"], build_previous_version(scene))
 
 
 def change(
     text: str,
     edits: tuple[Edit, ...],
-    setting: Setting,
+    make: Make,
     *,
+    intersection: str,
     before: SocialGraph,
     earlier: PreviousVersion,
     record: SceneRecord,
     pace: Mapping[str, float],
-    by_hand: Sequence[str] = (),
-    log: ProgressCallback | None = None,
+    by_hand: Sequence[str],
+    log: ProgressCallback,
 ) -> EditResult:
     """The next version: as little else as possible is other than before.
 
@@ -116,16 +86,16 @@ def change(
         BackendFault: the backend failed for good.
     """
     revision = build_revision(
-        earlier, before, edits, intersection_map=load_map(setting.intersection), pace=pace
+        earlier, before, edits, intersection_map=load_map(intersection), pace=pace
     )
-    trial = _Trial(text, setting, revision, log)
+    trial = _Trial(partial(make, text), revision, log)
     refused = Unsatisfiable("there is nothing to try")
     for pins in generate_attempts(revision):
         if trial.is_idle(pins, refused):
             continue
         found = trial.solve_revision(pins)
         if isinstance(found, Scene):
-            words = found.record.meta.texts[-1]
+            words = found.record.meta.texts[-1] * any(each.edit != "call_agent" for each in edits)
             if unasked := find_unasked_changes(record, found.record, words):
                 refused = Unsatisfiable(f"more would change than was said: {'; '.join(unasked)}")
                 continue
@@ -137,11 +107,8 @@ def change(
 class _Trial:
     """One edit, tried with pins that get looser."""
 
-    def __init__(
-        self, text: str, setting: Setting, revision: Revision, log: ProgressCallback | None
-    ) -> None:
-        self._text, self._setting, self._revision = text, setting, revision
-        self._log = log or (lambda _stage, _line: None)
+    def __init__(self, make: Make, revision: Revision, log: ProgressCallback) -> None:
+        self._make, self._revision, self._log = make, revision, log
         self._tries = 0
 
     def is_idle(self, pins: FrozenAgents, refused: Unsatisfiable) -> bool:
@@ -158,23 +125,10 @@ class _Trial:
             self._tries += 1
             count = len(pins.earlier.agents)
             self._log("session", f"trying with {len(pins.same)} of {count} agents as they are")
-            setting = self._setting
+            settled = pins.known and pins.background is not None
+            budgets = _PINNED if settled else _UNPINNED
             try:
-                scene = synthesize(
-                    self._text,
-                    intersection=setting.intersection,
-                    backend=setting.backend,
-                    seed=setting.seed,
-                    refiner=setting.refiner,
-                    planned=self._revision.graph,
-                    pinned=pins,
-                    budgets=_PINNED if pins.known else _UNPINNED,
-                    recall=setting.recall,
-                    lawful=setting.lawful,
-                    lenient=setting.lenient,
-                    time_limit=setting.time_limit,
-                    log=self._log,
-                )
+                scene = self._make(planned=self._revision.graph, pinned=pins, budgets=budgets)
             except Unsatisfiable as error:
                 refused, pins = error, _loosen(pins, self._revision, error)
             else:

@@ -6,6 +6,7 @@ from typing import Any
 
 from scenewright.authoring.session import SessionVersion
 from scenewright.cli.scene_summary import choose_style, summarize_scene
+from scenewright.scene.record import SceneRecord
 
 Line = tuple[str, str]
 GOOD, BAD, PLAIN, FAINT, ASK = "green", "red", "", "dim", "yellow"
@@ -55,18 +56,23 @@ def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list
     style = choose_style(verified=shown.proof.verified, caveat=shown.proof.caveat)
     lines = [(style, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
     if reply["kind"] == "made" and reply.get("from") is not None and reply["edits"]:
-        lines.append((FAINT, f"  {_format_others(reply)}"))
+        lines.append((FAINT, f"  {_format_others(reply, shown.record)}"))
     if reply.get("note"):
         lines.append((ASK, f"  note: {reply['note']}"))
     return lines
 
 
-def _format_others(reply: dict[str, Any]) -> str:
-    """Other agents that changed."""
+def _format_others(reply: dict[str, Any], scene: SceneRecord) -> str:
+    """Other agents that changed; of a background that was drawn anew how many there are now."""
+    around = [each.name for each in scene.agents if each.role == "background"]
+    redrawn = bool(reply["gone"]) and {*around} <= {*reply["come"]} and len(around) > 0
     said = []
     for key, verb in (("moved", "also moved"), ("gone", "gone"), ("come", "new")):
-        if reply[key]:
+        if reply[key] and not (redrawn and key != "moved"):
             said.append(f"{verb}: {_format_names(reply[key])}")
+    if redrawn:
+        said.append(f"the background is drawn anew: {len(around)} agents, no longer "
+                    f"{len(reply['gone'])}")  # fmt: skip
     if reply["let_go"]:
         said.append(f"solved anew, so no longer as given: {_format_names(reply['let_go'])}")
     if reply["longer"]:

@@ -7,10 +7,19 @@ so it says nothing twice.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from scenewright.backends.offline import WORDS
+
 Schema = dict[str, Any]
+
+
+def speaks_of(what: str, words: str) -> bool:
+    """Whether words may speak of something, by the vocabulary: a model fills in what is offered."""
+    return re.search(WORDS["speaks_of"][what], words, re.IGNORECASE) is not None
+
 
 PLAIN_TEXT = "^[A-Za-z0-9 ,.;:'()/-]{1,120}$"
 """Free text without quotes and control characters, which small models get wrong.

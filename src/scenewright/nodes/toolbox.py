@@ -14,7 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from langgraph.runtime import Runtime
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field, ValidationError, create_model
 
 from scenewright.errors import Rejected
 from scenewright.memory.state import SceneState
@@ -55,45 +55,11 @@ _STEPS = ("ground_plan", "draw_candidates", "solve", "edit_segments", "refine", 
 _MOST_ANCHORS = 8
 
 
-class NoArguments(Model):
-    """Nothing to say."""
-
-
-class PlanArguments(Model):
-    """The social graph to bind to the map."""
-
-    plan: SocialGraph = Field(description="the agents, and their relations")
-
-
-class ProgramArguments(Model):
-    """A constraint program."""
-
-    program: str = Field(
-        max_length=8000, description="clauses of the constraint language, a line each"
-    )
-
-
-class SolveArguments(Model):
-    """What is to hold."""
-
-    program: str | None = Field(
-        default=None,
-        max_length=8000,
-        description="clauses to hold; leave out for those of the relation files",
-    )
-
-
 class AgentSegments(Model):
     """The behavior segments of one agent, in order of time."""
 
     agent: str
     segments: list[SegmentReply]
-
-
-class SegmentArguments(Model):
-    """Behavior segments of agents that shall act otherwise than the solver suggests."""
-
-    agents: list[AgentSegments] = Field(default_factory=list, max_length=28)
 
 
 class ToolState:
@@ -251,25 +217,34 @@ def build_tools(bench: ToolState) -> list[BaseTool]:
     used."""
     from langchain_core.tools import StructuredTool
 
-    table: list[tuple[str, Callable[..., Facts], type[BaseModel]]] = [
-        ("ground_plan", bench.ground_plan, PlanArguments),
-        ("draw_candidates", bench.draw_candidates, NoArguments),
-        ("check_program", bench.check_program, ProgramArguments),
-        ("solve", bench.solve, SolveArguments),
-        ("edit_segments", bench.edit_segments, SegmentArguments),
-        ("refine", bench.refine, NoArguments),
-        ("check_scene", bench.check_scene, NoArguments),
-        ("record_scene", bench.record_scene, NoArguments),
-    ]
+    plan = Field(description="the agents, and their relations")
+    clauses = Field(max_length=8000, description="clauses of the constraint language, a line each")
+    held = Field(
+        default=None,
+        max_length=8000,
+        description="clauses to hold; leave out for those of the relation files",
+    )
+    table: list[tuple[Callable[..., Facts], dict[str, Any]]] = [
+        (bench.ground_plan, {"plan": (SocialGraph, plan)}),
+        (bench.draw_candidates, {}),
+        (bench.check_program, {"program": (str, clauses)}),
+        (bench.solve, {"program": (str | None, held)}),
+        (bench.edit_segments, {
+            "agents": (list[AgentSegments], Field(default_factory=list, max_length=28))
+        }),
+        (bench.refine, {}),
+        (bench.check_scene, {}),
+        (bench.record_scene, {}),
+    ]  # fmt: skip
     return [
         StructuredTool.from_function(
             func=_return_rejections(run),
-            name=name,
+            name=run.__name__,
             description=str(run.__doc__),
-            args_schema=arguments,
+            args_schema=create_model(f"{run.__name__}_arguments", __base__=Model, **arguments),
             handle_validation_error=_format_validation_error,
         )
-        for name, run, arguments in table
+        for run, arguments in table
     ]
 
 

@@ -25,6 +25,9 @@ has no effect on tracks, `nothing` cannot be realised.
 """
 
 
+NAME = "name"
+"""The note of words that an agent is called by, such as Anna, whatever class it has."""
+
 LEFT_TO_STAGES = ("constraint", "behavior")
 """What words became that no field of a plan holds."""
 
@@ -39,7 +42,7 @@ class SaidSpan(Model):
         became: the part of the plan.
         agents: those it is said of; two for relations and ties.
         value: what exactly: a leg, a relation, a time, a number, a clause, standstills.
-        note: why the words became nothing.
+        note: why the words became nothing; NAME of an agent's own name.
     """
 
     start: int = Field(default=0, ge=0)

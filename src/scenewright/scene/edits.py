@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError
 
 from scenewright.errors import Rejected
-from scenewright.scene.account import SaidSpan, read_background
+from scenewright.scene.account import NAME, SaidSpan, read_background
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
 from scenewright.scene.measures import Measure, format_measure
 from scenewright.scene.rejection import Rejection
@@ -33,6 +33,7 @@ class AgentView(Model):
         speed: free speed [m/s]; stops: whether it stands anywhere; for a foreground
             agent, elsewhere than at a red light.
         slows_to: lowest speed of an agent that gives way without standing [m/s].
+        called: what people call it, such as "the old man" or "Anna".
     """
 
     id: AgentId
@@ -47,6 +48,7 @@ class AgentView(Model):
     speed: float
     stops: bool = False
     slows_to: float | None = None
+    called: str = ""
 
 
 class Situation(Model):
@@ -68,6 +70,14 @@ class AddAgent(Model):
 
     edit: Literal["add_agent"] = "add_agent"
     node: AgentNode
+
+
+class CallAgent(Model):
+    """An agent has a name from now on, such as Anna; nothing else changes."""
+
+    edit: Literal["call_agent"] = "call_agent"
+    agent: AgentId
+    name: str = Field(min_length=1, max_length=30, pattern=r"^[^\W\d_][\w' -]*$")
 
 
 class RemoveAgent(Model):
@@ -100,7 +110,8 @@ class Tie(Model):
 
 
 class ChangeContext(Model):
-    """Density and time of day become these; numbers of the background are edits of their own."""
+    """Density and time of day become these, and the background is drawn anew where they differ;
+    numbers of the background are edits of their own."""
 
     edit: Literal["change_context"] = "change_context"
     density: Literal["low", "medium", "high"] | None = None
@@ -176,7 +187,7 @@ class Redraw(Model):
 
 
 Edit = (
-    ChangeAgent | AddAgent | RemoveAgent | Relate | Unrelate | Tie | ChangeContext
+    ChangeAgent | AddAgent | CallAgent | RemoveAgent | Relate | Unrelate | Tie | ChangeContext
     | SetBackground | AddObject | RemoveObject | SetPace | MoveStop | WaitLonger | ComeLater
     | Redraw | SetMeasure
 )  # fmt: skip
@@ -292,6 +303,11 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
             return graph.model_copy(update={"agents": agents})
         case AddAgent(node=node):
             return graph.model_copy(update={"agents": (*graph.agents, node)})
+        case CallAgent(agent=agent):
+            _check_known(graph, agent)
+            said = SaidSpan(words=edit.name, became="agent", agents=(agent,), note=NAME)
+            others = (e for e in graph.said if (e.note, e.agents) != (NAME, (agent,)))
+            return graph.model_copy(update={"said": (*others, said)})
         case RemoveAgent(agent=name):
             # One of the background is in no graph.
             left = {
@@ -321,14 +337,17 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
             return graph.model_copy(update={"ties": ties})
         case ChangeContext():
             changes = {"density": edit.density, "time_of_day": edit.time_of_day}
-            context = {**graph.context.model_dump(), **changes}
+            # The later word counts, not a number before.
+            kept_counts = (
+                graph.context.background if edit.density == graph.context.density else None
+            )
+            context = {**graph.context.model_dump(), **changes, "background": kept_counts}
             return graph.model_copy(update={"context": SceneContext.model_validate(context)})
         case AddObject(node=node):
             return graph.model_copy(update={"objects": (*graph.objects, node)})
         case RemoveObject(object=name):
+            _check_known(graph, name)
             objects = tuple(each for each in graph.objects if each.id != name)
-            if len(objects) == len(graph.objects):
-                raise _build_refusal(f"there is no {name} in the scene")
             return graph.model_copy(update={"objects": objects})
         case SetBackground():
             before = graph.context.background or Background()
@@ -363,7 +382,8 @@ def _drop_measures(graph: SocialGraph, pair: set[str]) -> tuple[Measure, ...]:
 
 
 def _check_known(graph: SocialGraph, name: str) -> None:
-    if name not in {each.id for each in graph.agents}:
+    known = {each.id for each in graph.agents} | {each.id for each in graph.objects}
+    if name not in known:
         raise _build_refusal(f"there is no {name} in the scene")
 
 

@@ -66,14 +66,15 @@ class FrozenAgents:
         placed: path and entry time stay, standstills and the end are open.
         offered: the path is offered before others, the time is open.
         patterns: of relations that stay, by their place in the new social graph.
-        background: how many background agents of each class there shall be.
+        background: how many background agents of each class there shall be; None: as the graph and
+            the hour have it.
         hour: time of day [h].
         lights: whether the signal programme keeps its offset, and the scene its length.
         pace: share of the drawn free speed by name, of agents asked to be slower or faster.
     """
 
     earlier: PreviousVersion
-    background: Mapping[AgentClass, int]
+    background: Mapping[AgentClass, int] | None
     hour: float
     fixed: Mapping[str, SelectedAgent] = field(default_factory=dict)
     same: frozenset[str] = frozenset()

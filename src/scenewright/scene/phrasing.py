@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import TypeVar
 
+from scenewright.scene.account import NAME
 from scenewright.scene.base import AgentClass
 from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.measures import UNITS, Measure, MeasureKind
@@ -200,14 +201,15 @@ def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str
 _NOUN_PHRASE = re.compile(
     r"(?:(?:an?|the|my|our|one|some|this|that) )?([\w' -]{1,30})", re.IGNORECASE
 )
-_PRONOUNS = "it they them he him she her who that which both one another someone somebody anyone"
+PRONOUNS = "it they them he him she her who that which both one another someone somebody anyone"
+"""Words that are never a name."""
 _NUMBERS = re.compile(r"\bagents? (\d+(?:, \d+)*)\b|(?<=\bof )(\d+ and \d+)(?= at )")
 _CODE = re.compile(r"\b([a-z_]+)\(([^()]*)\)|\b[a-z]+(?:_[a-z]+)+\b")
 _RELATIONS = {"collide_at": "collision", "yield_to": "yielding"}
 
 
 def call_agents(scene: SceneRecord) -> dict[int, str]:
-    """By id: "the taxi" where the instruction says so, "car 1" and "car 2" for two of a noun.
+    """By id: "Anna" or "the taxi" where the words say so, "car 1" and "car 2" for two of a noun.
 
     Those that it does not name keep the name that edits know, "vehicle-7".
     """
@@ -216,12 +218,13 @@ def call_agents(scene: SceneRecord) -> dict[int, str]:
     spans = Counter(each.start for each in scene.said if each.became == "agent")
     in_capitals = all(each.words.isupper() for each in scene.said if each.became == "agent")
     for each in reversed(scene.said):
-        is_pronoun = each.words.lower() in _PRONOUNS.split()
+        is_pronoun = each.words.lower() in PRONOUNS.split()
         phrase = None if is_pronoun else _NOUN_PHRASE.fullmatch(each.words)
         alone = each.became == "agent" and len(each.agents) == 1 and spans[each.start] == 1
         if phrase and alone and each.value and each.agents[0] in nouns:
             nouns[each.agents[0]] = phrase[1].lower() if in_capitals else phrase[1]
-    return {agent.id: agent.name for agent in scene.agents} | number_nouns(nouns)
+    own = {each.agents[0]: each.words for each in scene.said if each.note == NAME and each.agents}
+    return {agent.id: agent.name for agent in scene.agents} | number_nouns(nouns) | own
 
 
 def speak_plainly(

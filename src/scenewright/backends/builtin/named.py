@@ -139,7 +139,7 @@ def _load_pattern() -> re.Pattern[str]:
         r"(?! ?(?:m|s|km|mph|sec\w*|met\w*|%|per\w*)\b|[.:]\d))"
     )
     other = r"(?! (?:traffic|density|flow|volume|lanes?|doors?|signal|side|route)\b)"
-    stands = r"(?!(?<=parked )(?:car|truck|vehicle)s?\b)"
+    stands = r"(?<!parked )(?<!stalled )"
     stop = r"(?!(?<=bus) stop(?:$|[.,]))"
     return re.compile(
         rf"(?<![\w-])(?:{begins}(?:(?:{determiner}) )?{number}?{adjective}{{0,3}}?)?"

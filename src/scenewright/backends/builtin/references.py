@@ -95,6 +95,8 @@ class People:
             return [self._present[numbered]] if numbered in self._present else []
         alike = [each for each in self._present.values() if _is_alike(each, named)]
         front = [each for each in alike if each.role == "foreground"]
+        own = [each for each in front if each.called == f"the {named.phrase}"]
+        front = own or [e for e in front if named.head in e.called.split()] or front
         if not front and named.type == "vehicle":
             # A user that said "a vehicle" calls it a car, whatever was drawn for it.
             only = [each for each in self.list_foreground() if each.type == "vehicle"]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from itertools import count, islice
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -30,6 +29,7 @@ from scenewright.nodes.schema import (
     build_object,
     build_reference,
     build_text,
+    speaks_of,
 )
 from scenewright.scene.base import RIDERS, AgentClass, AgentId, Model
 from scenewright.scene.edits import (
@@ -73,15 +73,40 @@ _IN_GRAPH = (AddAgent, ChangeAgent, Relate, Unrelate, ChangeContext)
 """Edits that leave everything as it is where they leave the graph."""
 
 
-class _EditLine(BaseModel):
+_AGENT = (
+    "subtype", "entry", "exit", "movement", "crosswalk", "runs_red", "motion", "reaction",
+    "members",
+)  # fmt: skip
+_FORMS = (
+    (("change_agent", "add_agent"), ("agent",), _AGENT),
+    (("remove_agent", "redraw"), (), ("agent",)),
+    (("relate",), ("from", "to", "type"), (
+        "kind", "cause", "first", "target_pet", "target_ttc", "impact_speed", "point_from",
+        "point_to", "manoeuvre",
+    )),
+    (("set_pace",), ("agent",), ("factor", "speed")),
+    (("move_stop", "wait_longer", "come_later"), ("agent", "by"), ()),
+    (("change_context",), (), ("density", "time_of_day", "vehicles", "pedestrians")),
+)  # fmt: skip
+"""Kinds of edits with the keys that they need, and those that they may have."""
+
+
+class EditLine(BaseModel):
+    """One edit, with the keys of its form.
+
+    Attributes:
+        type: what is to happen between `from` and `to`; `none` ends it.
+        factor: of the pace; speed: in its place [m/s].
+        by: how much further along [m], longer or later [s].
+    """
+
     model_config = ConfigDict(extra="forbid")
 
-
-class AgentLine(_EditLine):
-    """An agent that changes, or is new."""
-
-    edit: Literal["change_agent", "add_agent"]
-    agent: AgentId
+    edit: Literal[
+        "change_agent", "add_agent", "remove_agent", "redraw", "relate", "set_pace", "move_stop",
+        "wait_longer", "come_later", "change_context",
+    ]  # fmt: skip
+    agent: AgentId | None = None
     subtype: str | None = None
     entry: str | None = None
     exit: str | None = None
@@ -89,30 +114,11 @@ class AgentLine(_EditLine):
     crosswalk: str | None = None
     runs_red: bool | None = None
     motion: str | None = None
+    reaction: str | None = None
     members: int | None = None
-
-
-class RemoveLine(_EditLine):
-    """An agent that is removed."""
-
-    edit: Literal["remove_agent"]
-    agent: AgentId
-
-
-class RedrawLine(_EditLine):
-    """An agent, or all agents, to take another path."""
-
-    edit: Literal["redraw"]
-    agent: AgentId | None = None
-
-
-class RelateLine(_EditLine):
-    """What is to happen between two; `none` ends it."""
-
-    edit: Literal["relate"]
-    from_: AgentId = Field(alias="from")
-    to: AgentId
-    type: RelationType | Literal["none"]
+    from_: AgentId | None = Field(default=None, alias="from")
+    to: AgentId | None = None
+    type: RelationType | Literal["none"] | None = None
     kind: str | None = None
     cause: str | None = None
     manoeuvre: str | None = None
@@ -122,48 +128,32 @@ class RelateLine(_EditLine):
     point_from: str | None = None
     point_to: str | None = None
     first: AgentId | None = None
-
-
-class PaceLine(_EditLine):
-    """An agent that becomes slower or faster: by a factor, or at a speed [m/s]."""
-
-    edit: Literal["set_pace"]
-    agent: AgentId
     factor: float | None = Field(default=None, gt=0)
     speed: float | None = Field(default=None, gt=0)
-
-    @model_validator(mode="after")
-    def _check_one_pace(self) -> Self:
-        if (self.factor is None) == (self.speed is None):
-            raise ValueError("set_pace needs either 'factor' or 'speed'")
-        return self
-
-
-class AmountLine(_EditLine):
-    """A stop that is to be further along [m], a wait that is longer, an entry that is later [s]."""
-
-    edit: Literal["move_stop", "wait_longer", "come_later"]
-    agent: AgentId
-    by: float
-
-
-class ContextLine(_EditLine):
-    """What shall be new of density and time of day, and how many others there shall be."""
-
-    edit: Literal["change_context"]
+    by: float | None = None
     density: str | None = None
     time_of_day: str | None = None
     vehicles: int | None = None
     pedestrians: int | None = None
 
+    @model_validator(mode="after")
+    def _check_form(self) -> Self:
+        needed, at_will = next(keys for kinds, *keys in _FORMS if self.edit in kinds)
+        given = self.model_dump(by_alias=True, exclude_none=True, exclude={"edit"}).keys()
+        for key in given - {*needed, *at_will}:
+            raise ValueError(f"{self.edit} has no key {key!r}; leave it out")
+        for key in needed:
+            if key not in given:
+                raise ValueError(f"{self.edit} needs {key!r}")
+        if self.edit == "set_pace" and (self.factor is None) == (self.speed is None):
+            raise ValueError("set_pace needs either 'factor' or 'speed'")
+        return self
 
-Line = (
-    AgentLine | RemoveLine | RedrawLine | RelateLine | PaceLine | AmountLine | ContextLine
-)  # fmt: skip
 
-
-class AskLine(_EditLine):
+class AskLine(BaseModel):
     """Words that may mean any of several agents."""
+
+    model_config = ConfigDict(extra="forbid")
 
     about: str = Field(min_length=1, max_length=40)
     among: tuple[AgentId, ...] = Field(min_length=2, max_length=24)
@@ -172,9 +162,7 @@ class AskLine(_EditLine):
 class EditsReply(Model):
     """Edits; or in their place a question, a scene of its own or a refusal."""
 
-    edits: tuple[Annotated[Line, Field(discriminator="edit")], ...] = Field(
-        default=(), max_length=_MOST_EDITS
-    )
+    edits: tuple[EditLine, ...] = Field(default=(), max_length=_MOST_EDITS)
     ask: AskLine | None = None
     fresh: bool | None = None
     refused: Literal["out_of_scope", "contradictory", "impossible", "no_change"] | None = None
@@ -190,15 +178,12 @@ class EditsReply(Model):
         return self
 
 
-_RIDES = re.compile(r"cycl|bik|scoot", re.IGNORECASE)
-
-
 def list_new_ids(situation: Situation, words: str = "") -> list[str]:
     """Unused ids, the first of each class; of riders where the words speak of them."""
     taken = {each.id for each in situation.present} | {e.id for e in situation.graph.agents}
     found: list[str] = []
     for kind in get_args(AgentClass):
-        if kind in RIDERS and not _RIDES.search(words):
+        if kind in RIDERS and not speaks_of("riders", words):
             continue
         free = (name for n in count(1) if (name := f"{kind}-{n}") not in taken)
         found += islice(free, _NEW)
@@ -215,7 +200,8 @@ def build_edits_schema(
         words: figures and places on a vehicle are asked for where they may speak of them.
     """
     agent, side = build_reference("agent"), build_reference("side")
-    node = {
+    known: dict[str, Schema] = {
+        "agent": agent,
         "subtype": build_subtype_schema(words),
         "entry": side,
         "exit": side,
@@ -223,34 +209,28 @@ def build_edits_schema(
         "crosswalk": side,
         "runs_red": {"type": "boolean"},
         **build_motion_schema(words),
-    }
-    relation: dict[str, Schema] = {
+        "from": agent,
+        "to": agent,
+        "type": build_enum((*get_args(RelationType), "none")),
         "kind": build_enum(list_names("collision")),
         "cause": build_enum(list_names("cause")),
         **build_order_schema(words, agent),
-    }
-    relation |= build_severity_schema(words) | build_manoeuvre_schema(words)
-    ends = {"from": agent, "to": agent, "type": build_enum((*get_args(RelationType), "none"))}
-    context = {
+        **build_severity_schema(words),
+        **build_manoeuvre_schema(words),
+        "factor": build_number(0.3, 2),
+        "speed": build_number(0.1, 20),
+        "by": build_number(-20, 20),
         "density": build_enum(get_args(Density)),
         "time_of_day": build_text(TIME),
         "vehicles": build_integer(0, MOST_BACKGROUND),
         "pedestrians": build_integer(0, MOST_BACKGROUND),
     }
     forms = [
-        _build_edit_schema(("change_agent", "add_agent"), {"agent": agent}, node),
-        _build_edit_schema(("remove_agent", "redraw"), {}, {"agent": agent}),
-        _build_edit_schema(("relate",), ends, relation),
-        _build_edit_schema(
-            ("set_pace",),
-            {"agent": agent},
-            {"factor": build_number(0.3, 2), "speed": build_number(0.1, 20)},
-        ),
-        _build_edit_schema(
-            ("move_stop", "wait_longer", "come_later"),
-            {"agent": agent, "by": build_number(-20, 20)},
-        ),
-        _build_edit_schema(("change_context",), {}, context),
+        build_object(
+            {"edit": build_enum(kinds), **{k: known[k] for k in (*needed, *free) if k in known}},
+            required=("edit", *needed),
+        )
+        for kinds, needed, free in _FORMS
     ]
     asked = {"about": build_reference("text"), "among": build_array(agent, least=2, most=6)}
     return build_object(
@@ -269,13 +249,6 @@ def build_edits_schema(
             **build_point_schema(words),
         },
     )
-
-
-def _build_edit_schema(
-    kinds: Sequence[str], needed: Mapping[str, Schema], at_will: Mapping[str, Schema] | None = None
-) -> Schema:
-    keys = {"edit": build_enum(kinds), **needed}
-    return build_object({**keys, **(at_will or {})}, required=keys)
 
 
 def to_reading(
@@ -323,18 +296,14 @@ class _ReplyReader:
         self._present = {each.id: each for each in situation.present}
         self._free = list_new_ids(situation, "cyclist")
 
-    def take(self, line: Line) -> None:
+    def take(self, line: EditLine) -> None:
         """One line more.
 
         Raises:
             Rejected: it cannot be; says why.
         """
         try:
-            made = (
-                self._build_context_edits(line)
-                if isinstance(line, ContextLine)
-                else (self._build_edit(line),)
-            )
+            made = self._build_edits(line)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             where = ".".join(str(part) for part in first["loc"])
@@ -345,52 +314,50 @@ class _ReplyReader:
                 self.found.append(edit)
             self._graph = graph
 
-    def _build_edit(self, line: Line) -> Edit:
-        match line:
-            case AgentLine(edit="add_agent"):
-                if line.agent in self._present or line.agent in {e.id for e in self._graph.agents}:
+    def _build_edits(self, line: EditLine) -> list[Edit]:
+        name, by = str(line.agent), line.by or 0.0
+        if line.agent is not None and line.edit not in ("add_agent", "change_agent"):
+            self._require_present(name)
+        match line.edit:
+            case "add_agent":
+                if name in self._present or name in {each.id for each in self._graph.agents}:
                     raise _build_rejection(
-                        f"add_agent: {line.agent} is there already; take {self._free[0]}"
+                        f"add_agent: {name} is there already; take {self._free[0]}"
                     )
-                node = {"id": line.agent, "type": line.agent.partition("-")[0]}
-                return AddAgent(node=self._fit_route(AgentNode.model_validate(node), line))
-            case AgentLine():
-                self._require_participant(line.agent)
+                node = AgentNode.model_validate({"id": name, "type": name.partition("-")[0]})
+                return [AddAgent(node=self._fit_route(node, line))]
+            case "change_agent":
+                self._require_participant(name)
                 if not _list_fields(line):
-                    raise _build_rejection(
-                        f"change_agent: nothing is said that {line.agent} shall be"
-                    )
-                return ChangeAgent(node=self._fit_route(self._graph.agent(line.agent), line))
-            case RemoveLine():
-                return RemoveAgent(agent=self._require_present(line.agent))
-            case RedrawLine():
-                return Redraw(
-                    agent=None if line.agent is None else self._require_present(line.agent)
-                )
-            case RelateLine():
-                return self._build_relation_edit(line)
-            case PaceLine():
-                agent = self._present[self._require_present(line.agent)]
-                factor = line.factor or (line.speed or 0.0) / max(agent.speed, 0.1)
-                return SetPace(agent=line.agent, factor=round(factor, 3))
-            case AmountLine(edit="move_stop"):
-                return MoveStop(agent=self._require_stop(line.agent), metres=line.by)
-            case AmountLine(edit="wait_longer"):
-                return WaitLonger(agent=self._require_stop(line.agent), seconds=line.by)
-            case AmountLine():
-                return ComeLater(agent=self._require_present(line.agent), seconds=line.by)
-        raise TypeError(f"{line.edit} is read elsewhere")
+                    raise _build_rejection(f"change_agent: nothing is said that {name} shall be")
+                return [ChangeAgent(node=self._fit_route(self._graph.agent(name), line))]
+            case "remove_agent":
+                return [RemoveAgent(agent=self._require_present(name))]
+            case "redraw":
+                return [Redraw(agent=line.agent)]
+            case "relate":
+                return [self._build_relation_edit(line)]
+            case "set_pace":
+                factor = line.factor or (line.speed or 0.0) / max(self._present[name].speed, 0.1)
+                return [SetPace(agent=name, factor=round(factor, 3))]
+            case "move_stop":
+                return [MoveStop(agent=self._require_stop(name), metres=by)]
+            case "wait_longer":
+                return [WaitLonger(agent=self._require_stop(name), seconds=by)]
+            case "come_later":
+                return [ComeLater(agent=name, seconds=by)]
+        return self._build_context_edits(line)
 
-    def _build_relation_edit(self, line: RelateLine) -> Relate | Unrelate:
-        for name in (line.from_, line.to):
+    def _build_relation_edit(self, line: EditLine) -> Relate | Unrelate:
+        first, second = str(line.from_), str(line.to)
+        for name in (first, second):
             self._require_participant(name)
         if line.type != "none":
-            fields = line.model_dump(by_alias=True, exclude={"edit"})
+            fields = line.model_dump(by_alias=True, exclude={"edit"}, exclude_none=True)
             return Relate(edge=RelationEdge.model_validate(fields))
-        pair = {line.from_, line.to}
-        if not any({each.from_, each.to} == pair for each in self._graph.relations):
-            raise _build_rejection(f"nothing happens between {line.from_} and {line.to} as it is")
-        return Unrelate(first=line.from_, second=line.to)
+        if not any({each.from_, each.to} == {first, second} for each in self._graph.relations):
+            raise _build_rejection(f"nothing happens between {first} and {second} as it is")
+        return Unrelate(first=first, second=second)
 
     def _require_present(self, name: str) -> str:
         if name not in self._present:
@@ -398,7 +365,7 @@ class _ReplyReader:
         return name
 
     def _require_stop(self, name: str) -> str:
-        agent = self._present[self._require_present(name)]
+        agent = self._present[name]
         if not agent.stops and agent.slows_to is None:
             raise _build_rejection(f"{name} does not stop anywhere in this scene")
         return name
@@ -410,7 +377,7 @@ class _ReplyReader:
             raise _build_rejection(f"{name} is one of the others; add_agent an agent of an event")
         raise _build_rejection(f"there is no {name} in the scene; add_agent comes first")
 
-    def _build_context_edits(self, line: ContextLine) -> list[Edit]:
+    def _build_context_edits(self, line: EditLine) -> list[Edit]:
         was, found = self._graph.context, list[Edit]()
         given = {
             "density": line.density or was.density,
@@ -424,7 +391,7 @@ class _ReplyReader:
             raise _build_rejection("change_context: nothing is said that shall be new")
         return found
 
-    def _fit_route(self, node: AgentNode, line: AgentLine) -> AgentNode:
+    def _fit_route(self, node: AgentNode, line: EditLine) -> AgentNode:
         """The agent with the fields given, and of its former route as much as fits these."""
         fields = _list_fields(line)
         AgentNode.model_validate({"id": node.id, "type": node.type, **fields})
@@ -440,7 +407,7 @@ class _ReplyReader:
         return complete_plan(SocialGraph(agents=(made,)), self._ways).agents[0]
 
 
-def _list_fields(line: AgentLine) -> dict[str, Any]:
+def _list_fields(line: EditLine) -> dict[str, Any]:
     return line.model_dump(exclude={"edit", "agent"}, exclude_none=True)
 
 

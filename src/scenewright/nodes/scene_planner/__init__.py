@@ -11,7 +11,7 @@ from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, list_stage_faults
 from scenewright.nodes.context import RunContext, Runtime
 from scenewright.nodes.remaining import refuse_unrealised, refuse_words
-from scenewright.nodes.scene_planner.hints import locate_hints
+from scenewright.nodes.scene_planner.hints import locate_hints, mark_names
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt
 from scenewright.nodes.scene_planner.reply import PlanReply, complete_plan
 from scenewright.nodes.scene_planner.striking import name_strikers
@@ -124,7 +124,7 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescr
         return plan
     text = str(question.facts["instruction"])
     if get_backend_of_task(backend, "plan").deterministic:
-        return name_strikers(plan, text)
+        return mark_names(name_strikers(plan, text))
     known = dict.fromkeys(side for way in ways for side in (way.entry, way.exit))
     for agent in plan.agents:
         for field in ("entry", "exit", "crosswalk"):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from scenewright.scene.account import SaidSpan
+from scenewright.backends.offline import find_named
+from scenewright.scene.account import NAME, SaidSpan
+from scenewright.scene.phrasing import PRONOUNS
 from scenewright.scene.social import SocialGraph
 
 HINTS = ("relation", "cause", "constraint", "behavior", "nothing")
@@ -32,3 +34,18 @@ def locate_hints(plan: SocialGraph, text: str) -> Iterator[SaidSpan]:
             pair = (edge.from_, edge.to)
             if set(entry.agents) <= set(pair):
                 yield entry.model_copy(update={**hint, "agents": pair, "value": edge.type})
+
+
+def mark_names(plan: SocialGraph) -> SocialGraph:
+    """The plan in which a word such as "Anna", that is no noun, is the name of its agent."""
+    said = tuple(
+        each.model_copy(update={"value": None, "note": NAME})
+        if each.became == "agent"
+        and each.words.istitle()
+        and each.words.isalpha()
+        and not find_named(each.words.lower())
+        and each.words.lower() not in PRONOUNS.split()
+        else each
+        for each in plan.said
+    )
+    return plan if said == plan.said else plan.model_copy(update={"said": said})

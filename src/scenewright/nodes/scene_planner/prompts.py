@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 
 from scenewright.backends import Prompt
+from scenewright.backends.offline import VOCABULARY
 from scenewright.nodes.prompts import (
     LONGEST_REQUEST,
     Example,
@@ -22,36 +23,13 @@ from scenewright.nodes.scene_planner.reply import (
     build_plan_schema,
     find_similar_patterns,
 )
+from scenewright.nodes.schema import speaks_of
 from scenewright.scene.kinds import list_kinds
 from scenewright.scene.relations import Pattern
 from scenewright.scene.route_table import RouteDescription
 
 _PHRASES = 2
 _OR_REFUSE = "\nIf the request itself fixes what was refused, answer refused: impossible."
-_RUSH = r"\b(rush|peak|commut)"
-_TIMES = (
-    ("dawn", "04:30-07:30", r"\b(dawn|sunrise|daybreak|sun-?up|first light)"),
-    ("early morning", "04:00-08:30", r"\bearly\b[^,;]*morning|\b(early|first thing)\b"),
-    ("mid-morning", "09:00-11:30", r"\bmid-?morning"),
-    ("morning", "06:00-12:00", r"\b(morning|forenoon)"),
-    ("morning rush", "06:30-10:00", rf"(?s)(?=.*morning).*{_RUSH}"),
-    ("rush hour", "07:00-09:30", _RUSH),
-    ("noon", "11:00-13:00", r"\b(noon|mid-?day)"),
-    ("lunch", "11:00-14:30", r"\blunch"),
-    ("afternoon", "12:00-18:00", r"\bafternoon"),
-    ("evening rush", "15:30-19:30", rf"(?s)(?=.*(evening|afternoon)).*{_RUSH}"),
-    ("early afternoon", "12:00-15:00", r"\bearly\b[^,;]*afternoon"),
-    ("mid-afternoon", "14:00-16:30", r"\bmid-?afternoon"),
-    ("late afternoon", "15:00-18:30", r"\blate\b[^,;]*afternoon"),
-    ("early evening", "17:00-19:30", r"\bearly\b[^,;]*evening"),
-    ("late evening", "20:00-23:30", r"\blate\b[^,;]*evening"),
-    ("evening", "17:00-22:00", r"\bevening"),
-    ("dusk", "16:30-21:30", r"\b(dusk|sunset|sundown|twilight|nightfall)"),
-    ("night", "19:00-05:30", r"\b(night|dark|nocturnal)|tonight"),
-    ("late night", "21:30-04:00", r"\blate\b.*night|\b(small hours|after dark)"),
-    ("midnight", "23:30-00:30", r"\bmidnight"),
-)
-"""A time of day in words, what it means (SEMANTICS 3), and words by which a request asks for it."""
 
 
 def render_plan_prompt(
@@ -167,14 +145,11 @@ _OBJECTS = (
     "objects stand and take no part: kind, subtype, leg if told; hides: a pedestrian, hidden_from: "
     "the vehicle; lead, if told: seconds in sight before the event, 0.8 is [0.65,0.95].\n"
 )
-_IN_THE_WAY = re.compile(
-    r"stalled|double|broken|abandoned|disabled|round|past|pass|hit|into|door", re.I
-)
 
 
 def describe_objects(words: str) -> str:
     """What may stand, where a request may speak of it."""
-    met = _describe_encounters() if _IN_THE_WAY.search(words) else ""
+    met = _describe_encounters() if speaks_of("in_the_way", words) else ""
     return _OBJECTS + met if build_object_schema(words, {}) else ""
 
 
@@ -216,5 +191,8 @@ def describe_order(words: str) -> str:
 def describe_times(request: str) -> str:
     """The times of day that the request may speak of; a model need not hear of the others."""
     words = request[:LONGEST_REQUEST].lower()
-    times = [f"{name} {means}" for name, means, said in _TIMES if re.search(said, words)]
+    known = VOCABULARY["times_of_day"].items()
+    times = [
+        f"{name} {'/'.join(t['ranges'])}" for name, t in known if re.search(t["pattern"], words)
+    ]
     return f"Times: {', '.join(times)}.\n" if times else ""

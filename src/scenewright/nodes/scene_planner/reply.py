@@ -18,6 +18,7 @@ from scenewright.nodes.schema import (
     build_object,
     build_reference,
     build_text,
+    speaks_of,
 )
 from scenewright.scene.base import AgentClass
 from scenewright.scene.kinds import is_heard, list_names
@@ -51,23 +52,6 @@ ID = rf"^({'|'.join(get_args(AgentClass))})-([1-9]|1[0-2])$"
 
 _FIELDS = ("entry", "exit", "movement", "crosswalk")
 _WORD = re.compile(r"[a-z]+")
-_FIGURES = re.compile(
-    r"\d|pet\b|ttc\b|second|metre|meter|m/s|km|mph|speed|fast|slow|half|one|two|three|four|five",
-    re.IGNORECASE,
-)
-_PARTS = re.compile(
-    r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
-    re.IGNORECASE,
-)
-_IN_ORDER = re.compile(
-    r"\b(?:first|second|last|before|after|until|once|ahead|behind|in front|beats?|cut|cuts|"
-    r"cutting|prior|order|(?:step|pull|dart|dash|run|walk|jump)(?:s|ped|ed|ing)? out)\b|\bpreced",
-    re.IGNORECASE,
-)
-_IN_GROUPS = re.compile(
-    r"\bcouples?\b|\bpair\b|\bgroup|\bclass\b|famil|together|side by side|\bwith (?:a|her|his) ",
-    re.IGNORECASE,
-)
 _COMMON = frozenset(
     (
         *("a", "an", "the", "of", "its", "his", "her", "for", "to", "into", "on", "in", "at"),
@@ -200,7 +184,7 @@ def build_plan_schema(
 def build_severity_schema(words: str) -> Schema:
     """The keys of a relation that say how bad it gets, as far as the words may speak of them."""
     found: Schema = {}
-    if _FIGURES.search(words):
+    if speaks_of("figures", words):
         found |= {"target_pet": build_number(0, 8), "target_ttc": build_number(0, 8)}
         found["impact_speed"] = build_number(0.1, 20)
     if build_point_schema(words):
@@ -208,12 +192,9 @@ def build_severity_schema(words: str) -> Schema:
     return found
 
 
-_EMERGENCY = re.compile(r"ambulance|fire|police|patrol|squad|emergency|siren", re.IGNORECASE)
-
-
 def build_subtype_schema(words: str) -> Schema:
     """The subtypes of vehicles; those of emergency vehicles where the words may speak of them."""
-    special = bool(_EMERGENCY.search(words))
+    special = speaks_of("emergency", words)
     return build_enum(each for each in list_names("subtype") if special or each not in EMERGENCY)
 
 
@@ -226,7 +207,7 @@ def build_manoeuvre_schema(words: str) -> Schema:
 
 def build_object_schema(words: str, side: Schema) -> Schema:
     """What stands, as a key of the reply, where the words may speak of it."""
-    if not _STANDING.search(words):
+    if not speaks_of("standing", words):
         return {}
     agent = build_reference("id")
     figure = {"type": "array", "items": build_number(0, 30), "minItems": 2, "maxItems": 2}
@@ -249,18 +230,10 @@ def build_object_schema(words: str, side: Schema) -> Schema:
     return {"objects": build_array(build_object(node, required=("id", "kind")), most=MOST_OBJECTS)}
 
 
-_STANDING = re.compile(
-    r"\b(?:(?:double[- ]?)?parked|stalled|broken[- ]down|behind|hidden|hides?|hiding|obscur\w+|"
-    r"occlud\w+|conceal\w+|view|sight|visible|bus stop|its stop|bins?|skip|containers?|kiosk|"
-    r"obstacle|dumpster)\b",
-    re.IGNORECASE,
-)
-
-
 def build_order_schema(words: str, agent: Schema) -> Schema:
     """The key of a relation that names the agent passing first, where the words may speak of
     that."""
-    return {"first": agent} if _IN_ORDER.search(words) else {}
+    return {"first": agent} if speaks_of("order", words) else {}
 
 
 _MOVING: tuple[AgentClass, ...] = ("pedestrian", "vehicle")
@@ -274,12 +247,12 @@ def build_motion_schema(words: str) -> Schema:
     motion |= (
         {"reaction": build_enum(list_names("reaction"))} if is_heard("reaction", words) else {}
     )
-    return motion | ({"members": build_integer(2, 8)} if _IN_GROUPS.search(words) else {})
+    return motion | ({"members": build_integer(2, 8)} if speaks_of("groups", words) else {})
 
 
 def build_point_schema(words: str) -> Schema:
     """The places on a vehicle, for `$defs`, where the words may speak of one."""
-    return {"point": build_enum(get_args(ImpactPoint))} if _PARTS.search(words) else {}
+    return {"point": build_enum(get_args(ImpactPoint))} if speaks_of("parts", words) else {}
 
 
 def find_similar_patterns(instruction: str, *, left_hand: bool = False) -> tuple[Pattern, ...]:

@@ -127,8 +127,12 @@ def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[Ac
     kept: list[AccountEntry] = []
     for entry in entries:
         kind = _get_type(entry)
-        if entry.state in ("contradicted", "not_shown") and entry.claim is not None:
+        said = entry.claim is not None or entry.words[:1].isdecimal()
+        if entry.state in ("contradicted", "not_shown") and said:
             changed = {_get_type(e) for e in entries if e.turn > entry.turn and e.state == "seen"}
+            changed |= (
+                {"event"} if "order" in changed else set()
+            )  # who goes first gives way no more
             if kind in changed or any(back[entry.turn + 1 :]):
                 continue
             before = {e.words.lower() for e in entries if e.turn < entry.turn}

@@ -32,7 +32,7 @@ def _compare(
     before: SceneRecord, after: SceneRecord, tokens: Sequence[Token], mentions: Sequence[Mention]
 ) -> Iterator[str]:
     removes, adds = (any(each.is_in(name) for each in tokens) for name in ("removes", "adds"))
-    crowd = any(each.is_in("crowd") or each.has(*_CROWD) for each in tokens)
+    crowd = any(e.is_in("crowd") or e.has(*_CROWD) or e.kind == "clock" for e in tokens)
     deeds = any(each.is_in("swaps") or each.has(*_EVENTS) for each in tokens)
     old, new = _list_foreground(before), _list_foreground(after)
     gone, come = old.keys() - new.keys(), new.keys() - old.keys()
@@ -45,7 +45,8 @@ def _compare(
     if len(new) > len(old) and named and one_each and not (adds or deeds):
         yield f"{', '.join(sorted(come))} would be there beside the others"
     moves = any(each.has(*_WAYS) for each in tokens)
-    if adds and moves and any(m.new and m.count == 1 for m in mentions) and not come:
+    come_in = come or len(after.objects) > len(before.objects)
+    if adds and moves and any(m.new and m.count == 1 for m in mentions) and not come_in:
         yield "who is new would only be one of those around"
     if removes and not crowd:
         yield from _check_removal(old, new, mentions)

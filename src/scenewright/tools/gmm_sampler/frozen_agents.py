@@ -92,12 +92,15 @@ def build_candidates_with_frozen(
         intersection_map=intersection_map, hour=pins.hour, rng=rng, lawful=lawful,
     )  # fmt: skip
     patterns = tuple(pins.patterns.get(each.edge, each) for each in assignment.patterns)
-    counts = Background.model_construct(  # more may have been drawn than can be asked for
-        vehicles=pins.background["vehicle"], pedestrians=pins.background["pedestrian"]
-    )
-    context = graph.context.model_copy(update={"background": counts})
+    counted = graph
+    if pins.background is not None:
+        counts = Background.model_construct(  # more may have been drawn than can be asked for
+            vehicles=pins.background["vehicle"], pedestrians=pins.background["pedestrian"]
+        )
+        context = graph.context.model_copy(update={"background": counts})
+        counted = graph.model_copy(update={"context": context})
     fresh = amplify(
-        graph.model_copy(update={"context": context}),
+        counted,
         assignment.model_copy(update={"patterns": patterns}),
         priors,
         intersection_map=intersection_map,

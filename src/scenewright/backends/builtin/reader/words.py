@@ -21,7 +21,14 @@ WORDS: dict[str, Any] = VOCABULARY["words"]
 def compile_words(name: str, flags: re.RegexFlag = re.IGNORECASE) -> re.Pattern[str]:
     """The pattern of the vocabulary by this name, such as `merging.driver`."""
     module, _, key = name.partition(".")
-    return re.compile(WORDS[module][key], flags)
+    return re.compile(fill_in(WORDS[module][key]), flags)
+
+
+def fill_in(pattern: str) -> str:
+    """The pattern with what its parts, such as `{less}`, stand for."""
+    parts = WORDS["turn_parts"] | {"number_words": "|".join(WORDS["turn_kind"]["numbers"])}
+    whole = re.sub(r"\{([a-z_]+)\}", lambda part: parts[part[1]], pattern)
+    return whole if whole == pattern else fill_in(whole)
 
 
 class Noun(NamedTuple):
