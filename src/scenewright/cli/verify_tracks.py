@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.cli.console import count, format_columns, format_one_line
-from scenewright.cli.scene_summary import describe_avoidability
+from scenewright.cli.scene_summary import SAME_MOMENT, describe_avoidability
 from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.external_events import ExternalTracks, RecordedEvents
 
@@ -156,14 +156,14 @@ def _name_agent(number: int, tracks: ExternalTracks) -> str:
 
 def format_evidence(event: Event) -> str:
     """The figures of an event that say most."""
-    measured = (
-        (words, event.evidence.get(key), unit) for words, key, unit in _MEASURES[event.type]
-    )
-    return ", ".join(
-        f"{words} {value:.1f} {unit}"
-        for words, value, unit in measured
-        if isinstance(value, int | float)
-    )
+    said = []
+    for words, key, unit in _MEASURES[event.type]:
+        if isinstance(value := event.evidence.get(key), int | float):
+            moment = event.when.get(key)
+            other = moment is not None and abs(moment.time - event.time) > SAME_MOMENT
+            when = f" at {moment.time:.1f} s" if moment is not None and other else ""
+            said.append(f"{words} {value:.1f} {unit}{when}")
+    return ", ".join(said)
 
 
 def _format_legend(checked: CheckedTracks) -> list[str]:

@@ -223,8 +223,20 @@ def check_again(place: str) -> str | None:
         return f"cannot be checked: {error}"
     if not proof["verified"]:
         return "is not verified by the checker"
-    if "scene_digest" not in written:  # made before proofs named what they prove
-        del proof["scene_digest"]
-    # Proofs of earlier versions do not say what the figures asked for measured.
-    older = proof | {"figures": {k: v for k, v in proof["figures"].items() if k != "measures"}}
-    return None if written in (proof, older) else "has another proof than the checker's"
+    return None if _says_the_same(written, proof) else "has another proof than the checker's"
+
+
+_LATER = {"scene_digest", "measures", "when", "worst"}
+"""What proofs of earlier versions do not say."""
+
+
+def _says_the_same(written: Any, found: Any) -> bool:
+    """Whether two proofs are alike but for what an earlier version did not write."""
+    if isinstance(written, dict) and isinstance(found, dict):
+        lacks = found.keys() - written.keys()
+        return lacks <= _LATER and all(
+            key in found and _says_the_same(value, found[key]) for key, value in written.items()
+        )
+    if isinstance(written, list) and isinstance(found, list):
+        return len(written) == len(found) and all(map(_says_the_same, written, found))
+    return bool(written == found)

@@ -51,6 +51,7 @@ class _Tally:
     verdicts: Counter[str] = field(default_factory=Counter)
     unshown: Counter[str] = field(default_factory=Counter)
     unlawful: int = 0
+    worse: int = 0
     intersections: Counter[str] = field(default_factory=Counter)
     statistics: Statistics = field(default_factory=Statistics)
     encounters: list[Encounter] = field(default_factory=list)
@@ -69,6 +70,7 @@ class _Tally:
             self.encounters += list_encounters(files.scene, files.proof)
         self.unshown.update(list(dict.fromkeys(e.words for e in proof.list_words("not_shown"))))
         self.unlawful += proof.unasked_red_lights > 0
+        self.worse += any(event.list_worse() for event in proof.events)
         self.patterns.update((files.provenance or {}).get("patterns", ()))
         self.agents[len(files.scene["agents"])] += 1
         self.intersections[files.scene["meta"]["intersection"]] += 1
@@ -206,6 +208,7 @@ def _build_contents(
         )
         or "none",
         "scenes with a red light run unasked": tally.unlawful,
+        "scenes whose pair is closer or faster to a contact at another moment": tally.worse,
         "agents per scene, least, median, most": "–"
         if not len(sizes)
         else f"{sizes.min()}, {float(np.median(sizes)):g}, {sizes.max()}",

@@ -111,6 +111,7 @@ _MEASURES: Mapping[str, tuple[str, str]] = {
     "ttc_2d": ("least time to collision straight on", "s"),
     "path_ttc": ("least time to collision along paths", "s"),
     "drac": ("deceleration needed to avoid the crash", "m/s²"),
+    "clearance": ("least clearance", "m"),
     "relative_speed": ("closing speed at contact", "m/s"),
 }
 """Key of the checker's evidence -> what it is, and its unit."""
@@ -134,11 +135,13 @@ class Statistics:
         if files.scene is None or files.proof is None:
             return
         for event in files.proof["events"]:
+            kind = event["type"].replace("_", " ")
             for key, (name, unit) in _MEASURES.items():
-                value = event["evidence"].get(key)
-                if value is not None:
-                    kind = event["type"].replace("_", " ")
+                if (value := event["evidence"].get(key)) is not None:
                     self._add(f"{name} of {kind} [{unit}]", value)
+                if (worst := event.get("worst", {}).get(key)) is not None:
+                    figure = f"{name}, worst of the whole scene between the two of {kind} [{unit}]"
+                    self._add(figure, worst["value"])
         kinds = [agent["type"] for agent in files.scene["agents"]]
         for kind in ("vehicle", "pedestrian"):
             self._add(f"seen in a scene: {kind}s [agents]", kinds.count(kind))

@@ -169,30 +169,21 @@ def build_event_rows(
 ) -> Iterator[dict[str, Any]]:
     """The scene's events with what the checker measured, then the incidental ones."""
     asked = {(each["type"], each["from"], each["to"]) for each in scene["relations"]}
-    measured = {_get_event_key(each): each["evidence"] for each in proof["events"]}
-    for event in scene["events"]:
-        pair = ((event["from"], event["to"]), (event["to"], event["from"]))
-        is_asked = any((event["type"], *each) in asked for each in pair)
-        evidence = measured.get(_get_event_key(event), {})
-        yield _build_event_row(row, event, evidence, asked=is_asked, incidental=False)
-    for event in proof["incidental"]:
-        yield _build_event_row(row, event, event["evidence"], asked=False, incidental=True)
-
-
-def _get_event_key(event: Mapping[str, Any]) -> tuple[Any, ...]:
-    return event["type"], event["from"], event["to"], event["time"]
-
-
-def _build_event_row(
-    row: str, event: Mapping[str, Any], evidence: Mapping[str, Any], *, asked: bool,
-    incidental: bool,
-) -> dict[str, Any]:  # fmt: skip
-    x, y = event["location"] or (None, None)
-    return {
-        "row": row, "x": x, "y": y, "asked": asked, "incidental": incidental,
-        **{key: event[key] for key in ("type", "from", "to", "time", "kind", "cause")},
-        "queue": incidental and event["type"] == "follow", "evidence": _format_json(evidence),
-    }  # fmt: skip
+    same = ("type", "from", "to", "time")
+    measured = {tuple(each[key] for key in same): each for each in proof["events"]}
+    seen = [(each, measured.get(tuple(each[key] for key in same), {})) for each in scene["events"]]
+    for event, proven in (*seen, *((each, each) for each in proof["incidental"])):
+        ends, incidental = (event["from"], event["to"]), event is proven
+        x, y = event["location"] or (None, None)
+        yield {
+            "row": row, "x": x, "y": y, "incidental": incidental,
+            "asked": not incidental
+            and not asked.isdisjoint({(event["type"], *ends), (event["type"], *ends[::-1])}),
+            **{key: event[key] for key in (*same, "kind", "cause")},
+            "queue": incidental and event["type"] == "follow",
+            "evidence": _format_json(proven.get("evidence", {})),
+            **{key: _format_json(proven[key]) for key in ("when", "worst") if key in proven},
+        }  # fmt: skip
 
 
 def _format_json(value: Any) -> str:
