@@ -74,8 +74,18 @@ def test_an_encounter_has_what_was_asked_for_and_measured(tmp_path: Path) -> Non
         "type_from": "vehicle", "type_to": "pedestrian", "subtype_from": "car",
         "movement_from": "straight", "movement_to": "crossing", "entry_from": "south",
         "entry_to": "east", "crosswalk": "north", "junction": "here", "density": "as usual",
-        "hour": 8.0, "agents": 2,
+        "hour": 8.0, "agents": 2, "time": 2.0,
     }  # fmt: skip
+    # Where the moment of the PET is known, speeds are those at its place, not at the event's time.
+    moment = {"value": 1.2, "time": 2.6, "location": [5.0, 0.0]}
+    scene["agents"][0]["trajectory"][8:12] = [[4.0, 0], [4.5, 0], [5.0, 0], [5.5, 0]]
+    worst = {"path_ttc": {"value": 0.4, "time": 3.1, "location": [6.0, 0.0]}}
+    (event,) = proof["events"]
+    told = proof | {"events": [event | {"when": {"pet": moment}, "worst": worst}]}
+    (found,) = list_encounters(scene, told)
+    assert (found["time"], found["pet_time"], found["ttc_time"]) == (2.0, 2.6, None)
+    assert (found["worst_ttc"], found["worst_ttc_time"]) == (0.4, 3.1)
+    assert found["speed_from"] == pytest.approx(5.0)
     assert list_encounters(scene, proof | {"events": []})[0]["event"] == "normal"
 
 

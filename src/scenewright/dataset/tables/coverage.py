@@ -132,7 +132,9 @@ def read_goals(source: Path | dict[str, Any]) -> Goals:
 def list_encounters(scene: Mapping[str, Any], proof: Mapping[str, Any]) -> list[Encounter]:
     """What each event of a scene shows, as asked for or measured; `normal` where there is none.
 
-    Speeds that are no evidence of the event are those of the track at its time.
+    Speeds that are no evidence of the event are those at the conflict: where the agent comes
+    nearest to the place of the PET, else at the event's time. Beside the items stand `time`,
+    `pet_time`, `ttc_time` [s], and the `worst_ttc` of the scene with its time.
     """
     agents = {agent["id"]: agent for agent in scene["agents"]}
     meta, figures, found = scene["meta"], proof["figures"], []
@@ -146,7 +148,14 @@ def list_encounters(scene: Mapping[str, Any], proof: Mapping[str, Any]) -> list[
             r for r in scene["relations"] if r["type"] == type_ and {r["from"], r["to"]} == pair
         ]
         known = (asked[0] if asked else {}) | event | event["evidence"]
-        own = {item: known.get(key) for item, key in _KEYS.items()}
+        own = {item: known.get(key) for item, key in _KEYS.items()} | {"time": event["time"]}
+        when, worst = (event.get(key, {}) for key in ("when", "worst"))
+        pet, ttc, least = when.get("pet"), when.get("path_ttc"), worst.get("path_ttc")
+        own |= {
+            f"{name}_time": moment and moment["time"]
+            for name, moment in (("pet", pet), ("ttc", ttc), ("worst_ttc", least))
+        }
+        own["worst_ttc"] = least and least["value"]
         own |= {"event": type_, "cause": event["cause"] or "none seen",
                 "asked": "asked" if asked else "unasked",
                 "caused_by": agents.get(known.get("cause_agent"), {}).get("type")}  # fmt: skip
@@ -164,7 +173,10 @@ def list_encounters(scene: Mapping[str, Any], proof: Mapping[str, Any]) -> list[
             own["crosswalk"] = agent["crosswalk"] or own.get("crosswalk")
             track = np.array(agent["trajectory"], dtype=np.float64)
             at = round((event["time"] - agent["spawn_time"]) / meta["step"])
-            speed = np.hypot(*differentiate(track, meta["step"])[min(max(at, 0), len(track) - 1)])
+            at = min(max(at, 0), len(track) - 1)
+            if pet is not None:
+                at = int(np.hypot(*(track - pet["location"]).T).argmin())
+            speed = np.hypot(*differentiate(track, meta["step"])[at])
             own[f"speed_{side}"] = known.get(f"speed_{side}", float(speed))
         found.append(same | own)
     return found or [same | {"event": "normal"}]
