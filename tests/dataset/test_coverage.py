@@ -178,6 +178,30 @@ def test_a_batch_of_the_fill_closes_the_gaps(
     assert main([*cover, "--fill", "fill.jsonl"]) == 1
     assert main(["batch", "fill.jsonl", *make, "second"]) == 0
     assert main([*cover, "second"]) == 0
+    # The fill joins the dataset, which is one again: in order, complete, gone on with as before.
+    before = {path.name: path.read_bytes() for path in Path("first/a").iterdir()}
+    assert main(["dataset", "join", "first", "second"]) == 0
+    assert main(cover) == 0
+    assert main(["dataset", "check", "first"]) == 0
+    assert main(["dataset", "check", "second"]) == 0
+    assert {path.name: path.read_bytes() for path in Path("first/a").iterdir()} == before
+    card = Path("first/README.md").read_bytes()
+    assert b"| instructions given | 5 |" in card
+    Path("first/a/scene.json").unlink()
+    assert main(["batch", "rows.jsonl", *make, "first"]) == 0
+    assert main(["dataset", "check", "first"]) == 0
+    assert Path("first/README.md").read_bytes() == card
+    # Nothing joins twice, no id is given twice, and what is damaged joins nothing.
+    manifest = Path("first/manifest.json").read_bytes()
+    assert main(["dataset", "join", "first", "second"]) == 2
+    Path("goals.yaml").write_text("dimensions: [{cover: event, values: [yielding], least: 3}]\n")
+    assert main([*cover, "--fill", "fill.jsonl"]) == 1
+    assert main(["batch", "fill.jsonl", *make, "third"]) == 0
+    (made,) = Path("third").glob("fill-*")
+    assert not (Path("first") / made.name).exists()
+    (made / "proof.json").write_bytes(b"{}")
+    assert main(["dataset", "join", "first", "third"]) == 2
+    assert Path("first/manifest.json").read_bytes() == manifest
 
 
 def test_a_sweep_says_which_feasible_values_were_measured(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from scenewright.dataset.batch.finish import ABOUT
 from scenewright.dataset.batch.manifest import MANIFEST, hash_files, is_as_written, read_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
 from scenewright.dataset.batch.worker import FILES
@@ -26,11 +27,6 @@ from scenewright.dataset.tables.parquet import (
 from scenewright.errors import InputError
 from scenewright.graph.run import verify
 
-ABOUT = (
-    "row", "folder", "status", "code", "reason", "text", "asked", "voice", "split", "seed",
-    "intersection", "backend", "refiner", "selection", "attempts",
-)  # fmt: skip
-"""Columns of `scenes` and `refused` that the scenes' files lack, always or at times."""
 _ASIDE = re.compile(
     r"\..*|(evaluation|exports)/.*|journal(-\d+-of-\d+)?\.jsonl|"
     r"manifest\.json\.minisig"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from itertools import count
 from typing import Any
 
 from scenewright.dataset.tables.coverage import Covered, Encounter
@@ -28,12 +29,16 @@ _NEVER = ("asked", "caused_by", "avoidable", "ttc_2d", "drac", "closing_speed", 
 
 
 def build_fill(
-    covered: Sequence[Covered], encounters: Sequence[Encounter]
+    covered: Sequence[Covered], encounters: Sequence[Encounter], *, taken: Collection[str] = ()
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Rows for `scenewright batch` that ask for what is missing, and what cannot be asked for.
 
     Crosses come first; what their rows bring along is not asked for again.
+
+    Args:
+        taken: ids of rows that no row may have, so that its scene can join theirs.
     """
+    ids = (name for k in count(1) if (name := f"fill-{k:04d}") not in taken)
     rows: list[dict[str, Any]] = []
     brought: list[dict[str, str]] = []
     left: list[str] = []
@@ -46,7 +51,7 @@ def build_fill(
                 left.append(f"{each.describe_gap(bin_)}; {error}")
                 continue
             for _ in range(missing - sum(wanted.items() <= own.items() for own in brought)):
-                rows.append({"id": f"fill-{len(rows) + 1:04d}", **row})
+                rows.append({"id": next(ids), **row})
                 brought.append(wanted)
     return rows, left
 

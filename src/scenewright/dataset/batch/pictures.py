@@ -1,10 +1,8 @@
-"""The pictures of a dataset's card, and the figures in them: where, when, how close, how fast."""
+"""The pictures of a dataset's card: where, when, how close, how fast."""
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -12,9 +10,6 @@ from typing import Any
 import numpy as np
 
 from scenewright.dataset.tables.coverage import Covered
-from scenewright.dataset.tables.parquet import SceneFiles
-from scenewright.geometry.kinematics import differentiate
-from scenewright.scene.base import FloatArray
 
 COLOURS = {
     "collision": "#D55E00",
@@ -104,17 +99,6 @@ def draw_coverage(path: Path, covered: Sequence[Covered], *, columns: int = 3) -
     figure.savefig(path, metadata={"Software": None})
 
 
-_MOVING = 0.5
-"""Slower than this an agent stands [m/s]."""
-_MEASURES: Mapping[str, tuple[str, str]] = {
-    "pet": ("post-encroachment time", "s"),
-    "ttc_2d": ("least time to collision straight on", "s"),
-    "path_ttc": ("least time to collision along paths", "s"),
-    "drac": ("deceleration needed to avoid the crash", "m/s²"),
-    "clearance": ("least clearance", "m"),
-    "relative_speed": ("closing speed at contact", "m/s"),
-}
-"""Key of the checker's evidence -> what it is, and its unit."""
 _PLOTTED = (
     ("post-encroachment time of ", "s", (0.0, 6.0)),
     ("least time to collision along paths of ", "s", (0.0, 6.0)),
@@ -124,60 +108,16 @@ _PLOTTED = (
 """Beginning of a figure's name, its unit, and what its histogram spans."""
 
 
-@dataclass
-class Statistics:
-    """Values of each figure over all scenes; figure -> values, in the order of the scenes."""
+def draw_statistics(path: Path, figures: Mapping[str, Sequence[float]]) -> None:
+    """Writes histograms as a PNG; the same values give the same bytes.
 
-    values: dict[str, array[float]] = field(default_factory=dict)
-
-    def note(self, files: SceneFiles) -> None:
-        """Adds what one scene shows."""
-        if files.scene is None or files.proof is None:
-            return
-        for event in files.proof["events"]:
-            kind = event["type"].replace("_", " ")
-            for key, (name, unit) in _MEASURES.items():
-                if (value := event["evidence"].get(key)) is not None:
-                    self._add(f"{name} of {kind} [{unit}]", value)
-                if (worst := event.get("worst", {}).get(key)) is not None:
-                    figure = f"{name}, worst of the whole scene between the two of {kind} [{unit}]"
-                    self._add(figure, worst["value"])
-        kinds = [agent["type"] for agent in files.scene["agents"]]
-        for kind in ("vehicle", "pedestrian"):
-            self._add(f"seen in a scene: {kind}s [agents]", kinds.count(kind))
-        for kind in sorted({*kinds} & {"cyclist", "scooter"}):
-            self._add(f"seen in a scene that has any: {kind}s [agents]", kinds.count(kind))
-        for agent in files.scene["agents"]:
-            speed = _compute_mean_speed(agent, files.scene["meta"]["step"])
-            if speed is not None:
-                self._add(f"mean speed of moving {agent['type']}s [m/s]", speed)
-
-    def _add(self, figure: str, value: float) -> None:
-        self.values.setdefault(figure, array("d")).append(value)
-
-    def list_rows(self) -> list[tuple[str, str, str]]:
-        """(figure, number of values, "5 % / median / 95 %") of each figure, by name."""
-        found = []
-        for name, values in sorted(self.values.items()):
-            low, middle, high = np.percentile(np.array(values), (5, 50, 95))
-            found.append((name, str(len(values)), f"{low:.2f} / {middle:.2f} / {high:.2f}"))
-        return found
-
-
-def _compute_mean_speed(agent: Mapping[str, Any], step: float) -> float | None:
-    """Mean over the samples at which it moves [m/s]; None where it stands throughout."""
-    velocity: FloatArray = differentiate(np.array(agent["trajectory"], dtype=np.float64), step)
-    speed = np.hypot(*velocity.T)
-    moving = speed[speed > _MOVING]
-    return float(moving.mean()) if len(moving) else None
-
-
-def draw_statistics(path: Path, statistics: Statistics) -> None:
-    """Writes histograms as a PNG; the same values give the same bytes."""
+    Args:
+        figures: name with its unit -> values.
+    """
     figure = create_figure(11.5, 2.9)
     all_axes = figure.subplots(1, len(_PLOTTED))
     for axes, (begin, unit, span) in zip(all_axes, _PLOTTED, strict=True):
-        for name, values in sorted(statistics.values.items()):
+        for name, values in sorted(figures.items()):
             if name.startswith(begin):
                 label = name.removeprefix(begin).rpartition(" [")[0]
                 axes.hist(np.array(values), bins=24, range=span, histtype="stepfilled", alpha=0.5,

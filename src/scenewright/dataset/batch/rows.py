@@ -30,7 +30,7 @@ _RESERVED = frozenset(
 """Names that some system keeps for devices, whatever follows the first dot."""
 _OURS = frozenset(
     ("tables", "figures", "journal", "manifest", "readme", "rows", "order", "report",
-     "evaluation", "croissant")
+     "evaluation", "croissant", "joined")
 )  # fmt: skip
 """First parts of the names that stand beside the scenes' folders."""
 _FORMS = 'a line is an object such as {"id": "a-1", "text": "A car yields"}, or all are sentences'

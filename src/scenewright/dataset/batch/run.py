@@ -7,13 +7,14 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.answering import PLAINLY, Asking, check_asking, load_speaking_backend
 from scenewright.dataset.batch.carry_out import JOURNAL, BatchFolder, Engine, ProgressCallback
-from scenewright.dataset.batch.finish import finish
+from scenewright.dataset.batch.finish import finish, list_journal_rows
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.rows import RowSource, read_source
@@ -107,8 +108,8 @@ def run_batch(request: Request, *, log: ProgressCallback = lambda _: None) -> Su
             if now or not (request.out / MANIFEST).exists():
                 about = {k: each for k, each in header.items() if k not in ("journal", "rows")}
                 finish(
-                    request.out, all_jobs, journal, about=about, given=source.rows,
-                    title=TITLE, complete=summary.complete,
+                    request.out, partial(list_journal_rows, journal, all_jobs), about=about,
+                    given=source.rows, title=TITLE, complete=summary.complete,
                 )  # fmt: skip
             return summary
 

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from scenewright.dataset.batch.answering import (
     find_url,
 )
 from scenewright.dataset.batch.carry_out import BatchFolder, ProgressCallback
-from scenewright.dataset.batch.finish import finish
+from scenewright.dataset.batch.finish import finish, list_journal_rows
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.run import (
@@ -73,10 +74,10 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
             report = report_of(order, slots, book, journal)
             if before != _list_sizes(order.out) or not (order.out / MANIFEST).exists():
                 write_atomically(order.out / REPORT, format_json_line(report))
+                jobs = build_jobs(order, book.entries, slots, speakers)
                 finish(
                     order.out,
-                    build_jobs(order, book.entries, slots, speakers),
-                    journal,
+                    partial(list_journal_rows, journal, jobs),
                     about={key: value for key, value in header.items() if key != "journal"},
                     given=len(book.entries),
                     title=order.title,

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-from scenewright.dataset.tables.coverage import Covered
+import numpy as np
+
+from scenewright.dataset.tables.coverage import Covered, measure_coverage
 from scenewright.dataset.tables.markdown import escape_markdown, format_table
 from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
+from scenewright.dataset.tables.tally import Tally
 
 LICENCE = "apache-2.0"
 ABSTRACT = (
@@ -21,56 +23,69 @@ ABSTRACT = (
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 
-@dataclass(frozen=True)
-class Contents:
-    """The contents of a card.
+def format_card(
+    tally: Tally,
+    *,
+    title: str,
+    given: int,
+    splits: Mapping[str, Sequence[str]],
+    about: Mapping[str, Any],
+    pictures: tuple[str, str],
+) -> str:
+    """The card as Markdown, with the front matter by which `datasets` finds the tables.
 
-    Attributes:
-        figures: counts and such, by name.
-        tables, patterns: how many rows and scenes, by name; splits: table -> those with rows.
-        events: how many by type and whether they were asked for; causes: of those asked for.
-        unmade: how many instructions have no scene, by reason; about: how the dataset was made.
-        statistics: (figure, number of values, percentiles) of what the scenes show.
-        coverage: how often the usual bins of what was asked for and measured are met.
-        pictures: paths of the two pictures, below the card.
+    Args:
+        given: instructions in all; splits: table -> those that have rows.
+        about: how the dataset was made; pictures: paths of the two pictures, below the card.
     """
-
-    title: str
-    figures: Mapping[str, Any]
-    tables: Mapping[str, int]
-    splits: Mapping[str, Sequence[str]]
-    events: Mapping[tuple[str, str], int]
-    causes: Mapping[tuple[str, str], int]
-    patterns: Mapping[str, int]
-    unmade: Mapping[str, int]
-    statistics: Sequence[tuple[str, str, str]]
-    coverage: Sequence[Covered]
-    about: Mapping[str, Any]
-    pictures: tuple[str, str]
-
-
-def format_card(contents: Contents) -> str:
-    """The card as Markdown, with the front matter by which `datasets` finds the tables."""
-    where, how = contents.pictures
+    where, how = pictures
+    percentiles = (
+        (escape_markdown(name), str(len(values)),
+         "{:.2f} / {:.2f} / {:.2f}".format(*np.percentile(np.array(values), (5, 50, 95))))
+        for name, values in sorted(tally.figures.items())
+    )  # fmt: skip
     parts = [
-        _format_front_matter(contents),
-        f"# {escape_markdown(contents.title)}",
+        _format_front_matter(title, tally.tables["scenes"], splits),
+        f"# {escape_markdown(title)}",
         ABSTRACT,
         f"![Where and when events happen, and how many agents there are]({where})",
-        _format_counts("In figures", contents.figures, "figure", "value"),
-        _format_events(contents.events),
-        _format_causes(contents.causes),
-        _format_statistics(contents.statistics),
+        _format_counts("In figures", _list_figures(tally, given), "figure", "value"),
+        _format_events(tally.events),
+        _format_causes(tally.causes),
+        _format_table(
+            "## What the scenes show", ("figure", "values", "5 % / median / 95 %"), percentiles
+        ),
         f"![How close events are, how fast agents move, how many are seen]({how})",
-        _format_coverage(contents.coverage),
-        _format_counts("Leaves of the taxonomy", contents.patterns, "pattern", "scenes"),
-        _format_counts("Without a scene", contents.unmade, "reason", "instructions"),
+        _format_coverage(measure_coverage(tally.encounters)),
+        _format_counts("Leaves of the taxonomy", tally.patterns, "pattern", "scenes"),
+        _format_counts("Without a scene", tally.codes, "reason", "instructions"),
         _LAYOUT,
-        *(_format_schema(name, contents.tables.get(name, 0)) for name in TABLES),
-        _format_counts("How it was made", _flatten(contents.about), "option", "value"),
+        *(_format_schema(name, tally.tables[name]) for name in TABLES),
+        _format_counts("How it was made", _flatten(about), "option", "value"),
         _LICENCE,
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _list_figures(tally: Tally, given: int) -> dict[str, Any]:
+    sizes = np.array([n for n, times in sorted(tally.agents.items()) for _ in range(times)])
+    return {
+        "instructions given": given,
+        "scenes made": tally.statuses["made"],
+        **{f"instructions {status}": tally.statuses[status] for status in ("refused", "failed")},
+        **{f"scenes at {place}": n for place, n in sorted(tally.intersections.items())},
+        "scenes verified": tally.verdicts["verified"],
+        "scenes verified in part, without all words": tally.verdicts["partly"],
+        "words not shown, those of most scenes": ", ".join(
+            repr(words) for words, _ in tally.unshown.most_common(12)
+        )
+        or "none",
+        "scenes with a red light run unasked": tally.unlawful,
+        "scenes whose pair is closer or faster to a contact at another moment": tally.worse,
+        "agents per scene, least, median, most": "–"
+        if not len(sizes)
+        else f"{sizes.min()}, {float(np.median(sizes)):g}, {sizes.max()}",
+    }
 
 
 _LAYOUT = """## What lies where
@@ -102,22 +117,21 @@ Apache License 2.0. The priors of the intersection derive from public counts; th
 the bundle's `bundle.toml`."""
 
 
-def _format_front_matter(contents: Contents) -> str:
+def _format_front_matter(title: str, scenes: int, splits: Mapping[str, Sequence[str]]) -> str:
     from huggingface_hub import DatasetCardData
 
-    rows = contents.tables.get("scenes", 0)
-    size = next((name for most, name in _SIZES if rows < most), "n>1M")
+    size = next((name for most, name in _SIZES if scenes < most), "n>1M")
     data = DatasetCardData(
         license=LICENCE,
-        pretty_name=escape_markdown(contents.title),
+        pretty_name=escape_markdown(title),
         language=["en"],
         size_categories=[size],
         tags=["traffic", "trajectories", "synthetic", "safety-critical events"],
         configs=[
             {"config_name": name, **({"default": True} if name == "scenes" else {}),
              "data_files": [{"split": split, "path": f"tables/{name}/{split}.parquet"}
-                            for split in splits]}
-            for name, splits in contents.splits.items()
+                            for split in there]}
+            for name, there in splits.items()
         ],
     )  # fmt: skip
     return f"---\n{data.to_yaml()}\n---"
@@ -159,12 +173,6 @@ def _format_causes(causes: Mapping[tuple[str, str], int]) -> str:
     ]  # fmt: skip
     columns = ("event", "cause", "events", "share")
     return _format_table("## Causes of the events asked for", columns, rows)
-
-
-def _format_statistics(rows: Sequence[tuple[str, str, str]]) -> str:
-    columns = ("figure", "values", "5 % / median / 95 %")
-    cells = [(escape_markdown(figure), *others) for figure, *others in rows]
-    return _format_table("## What the scenes show", columns, cells)
 
 
 def _format_coverage(covered: Sequence[Covered]) -> str:

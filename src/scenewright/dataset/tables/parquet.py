@@ -205,22 +205,21 @@ class TableWriter:
         for part in self._parts.values():
             part.close()
 
-    def add(self, files: SceneFiles) -> dict[str, int]:
-        """Adds one row of the dataset; how many rows each table got."""
+    def add(self, files: SceneFiles) -> dict[str, Any]:
+        """Adds one row of the dataset; the rows that each table got, see `build_rows`."""
         rows, split = build_rows(files), files.about["split"]
         if files.scene is not None:
             place = files.scene["meta"]["intersection"]
             if (place, split) not in self._maps:
                 self._maps.add((place, split))
                 rows["map"] = list_map_rows(load_map(place))
-        counts = {}
-        for name in TABLES:
-            if rows[name] and (name, split) not in self._parts:
+        for name in (name for name in TABLES if rows[name]):
+            if (name, split) not in self._parts:
                 path = get_table_file(self._folder, name, split)
                 path.parent.mkdir(exist_ok=True)
                 self._parts[name, split] = _Part(path, name)
-            counts[name] = self._parts[name, split].add(rows[name]) if rows[name] else 0
-        return counts
+            self._parts[name, split].add(rows[name])
+        return rows
 
 
 def get_table_file(folder: Path, name: str, split: Split) -> Path:
@@ -251,7 +250,7 @@ class _Part:
         self._writer = import_parquet().ParquetWriter(path, self._schema, compression="zstd")
         self._columns: dict[str, list[Any]] = {key: [] for key in SCHEMAS[name]}
 
-    def add(self, rows: list[dict[str, Any]] | dict[str, list[Any]]) -> int:
+    def add(self, rows: list[dict[str, Any]] | dict[str, list[Any]]) -> None:
         if not isinstance(rows, dict):
             rows = {key: [row.get(key) for row in rows] for key in self._columns}
         first = next(iter(self._columns))
@@ -259,7 +258,6 @@ class _Part:
             self._columns[key] += values
         while len(self._columns[first]) >= self._group:
             self._write(self._group)
-        return len(rows.get(first, ()))
 
     def close(self) -> None:
         self._write(self._group)
