@@ -13,6 +13,7 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from scenewright.dataset.batch.answering import (
     PLAINLY,
@@ -148,31 +149,30 @@ def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
     return tuple(slots.values())
 
 
-def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
-    """Words each slot that has no instruction of this attempt yet, and enters it in the book."""
-    new = [slot for slot in due if not context.book.find(slot.number, slot.attempts)]
-    for entry in _word_slots(new, context):
-        context.book.add(entry)
-
-
 def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterator[Slot]:
     """A slot for each scene; each quota's patterns in turn, in an order that the seed decides.
 
-    Places take turns as well, begun one later when all patterns had their turn.
+    A place is one with the fewest slots so far, of these one with the fewest of the pattern. The
+    slots of a quota lie at equal distances in the day, in an order that the seed decides as well.
     """
-    number, names = 0, _choose_id_prefixes(wish)
+    number, names, used = 0, _choose_id_prefixes(wish), Counter[Any]()
     for quota in wish.quotas:
         key = quota.name if quota.place is None else f"{quota.place}-{quota.name}"
         rng = make_rng(seed, key)
         leaves = [quota.leaves[int(k)] for k in rng.permutation(len(quota.leaves))]
         name = quota.name if quota.backend is None else f"{names[quota.backend]}-{quota.name}"
         digits = max(len(str(quota.count)), 2)
+        # Of small quotas, each begins elsewhere in the day.
+        shares = (rng.permutation(quota.count) + 0.618 * number % 1.0) / quota.count
         for k in range(quota.count):
             turned = leaves[k % len(leaves) :] + leaves[: k % len(leaves)] if leaves else []
-            count = f"{k + 1:0{digits}d}"
-            turn, pattern = divmod(k, max(len(leaves), 1))
-            place = places[(turn + pattern) % len(places)]
-            yield Slot(number, f"{name}-{count}", f"{key}-{count}", quota, tuple(turned), place)
+            count, leaf = f"{k + 1:0{digits}d}", tuple(turned[:1])
+            place = min(places, key=lambda each, leaf=leaf: (used[each], used[leaf, each]))  # type: ignore[misc]
+            used.update((place, (leaf, place)))
+            yield Slot(
+                number, f"{name}-{count}", f"{key}-{count}", quota, tuple(turned), place,
+                float(shares[k]),
+            )  # fmt: skip
             number += 1
 
 
@@ -187,27 +187,31 @@ def _choose_id_prefixes(wish: OrderSpec) -> dict[str, str]:
     }
 
 
-def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[OrderEntry]:
-    """Word slots in their order; templates on all workers, as each text is read back."""
+def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
+    """Words each slot that has no instruction of this attempt yet, and enters it in the book.
+
+    In the order of the slots; templates on all workers, as each text is read back.
+    """
+    book, order = context.book, context.order
     tasks = []
-    for slot in slots:
-        earlier = (context.book.find(slot.number, k) for k in range(1, slot.attempts))
+    for slot in (each for each in due if not book.find(each.number, each.attempts)):
+        earlier = (book.find(slot.number, k) for k in range(1, slot.attempts))
         texts = tuple(each.text for each in earlier if each is not None)
-        tasks.append(WordingTask(slot, context.order.wish, context.order.options, texts))
+        tasks.append(WordingTask(slot, order.wish, order.options, texts))
     clock = ProgressClock(len(tasks), context.log, what="texts")
     if len(tasks) < FEW or any(each.name != "builtin" for each in context.writers.values()):
         for task in tasks:
-            yield word_slot(task, context.writers[task.slot.intersection], context.book.texts)
+            book.add(word_slot(task, context.writers[task.slot.intersection], book.texts))
             clock.log_end("made", now=True)
         return
     done: dict[int, OrderEntry] = {}
     waiting = deque(task.slot.number for task in tasks)
-    for task, result in spread(tasks, word_by_templates, workers=context.order.workers):
+    for task, result in spread(tasks, word_by_templates, workers=order.workers):
         worded = result if isinstance(result, OrderEntry) else word_by_templates(task)
         done[task.slot.number] = worded
         clock.log_end("made", now=True)
         while waiting and waiting[0] in done:
-            yield done.pop(waiting.popleft())
+            book.add(done.pop(waiting.popleft()))
 
 
 def build_jobs(
@@ -225,8 +229,7 @@ def build_jobs(
                 options, intersection=entry.intersection or options.intersection,
                 backend=tuple(entry.backend), base_url=find_url(entry.backend, options.base_url),
             ),
-            context={} if entry.background is None else {"background": entry.background},
-            asked=entry.event, voice=entry.voice,
+            context=entry.context, asked=entry.event, voice=entry.voice,
             wanted=slots[entry.slot].quota.leaves,
             split="test" if entry.intersection in order.held else None,
             asking=asking[tuple(entry.backend)],

@@ -115,7 +115,7 @@ def build_order_header(order: Order) -> dict[str, Any]:
     from scenewright import __version__
 
     return {
-        "journal": 2,
+        "journal": 3,
         "scenewright": __version__,
         "order": order.text,
         "writer": order.writer,
@@ -131,16 +131,19 @@ def build_order_header(order: Order) -> dict[str, Any]:
 def report_of(order: Order, slots: Sequence[Slot], book: Book, journal: Journal) -> dict[str, Any]:
     """What was wanted, what there is, and why the rest could not be."""
     quotas = [_report_quota(quota, slots, book, journal, order.out) for quota in order.wish.quotas]
+    made = [book.entries[book.number[slot.filled]] for slot in slots if slot.filled is not None]
     return {
         "order": order.text,
         "understood": order.wish.lines(),
         "filled": all(slot.filled is not None for slot in slots),
-        "scenes": sum(slot.filled is not None for slot in slots),
+        "scenes": len(made),
         "waiting": sum(slot.waiting for slot in slots),
         "instructions": len(book.entries),
         "budget": order.most,
         "by the builtin writer": sum(entry.voice in VOICES for entry in book.entries),
         "held_out": list(order.held),
+        "places": dict(sorted(Counter(each.intersection for each in made).items())),
+        "hours": dict(sorted(Counter(each.time[:2] for each in made if each.time).items())),
         "voices": dict(sorted(Counter(entry.voice for entry in book.entries).items())),
         "quotas": quotas,
     }
