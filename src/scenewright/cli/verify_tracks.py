@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,8 @@ class CheckedTracks:
             "events": [event.model_dump(mode="json", by_alias=True) for event in self.found.events],
             "avoidability": list(self.found.avoidability),
             "findings": [
-                finding.model_dump(mode="json") for finding in (*self.found.contacts, *self.off_map)
+                finding.model_dump(mode="json")
+                for finding in (*self.found.contacts, *self.found.implausible, *self.off_map)
             ],
             "notes": list(self.tracks.notes),
         }
@@ -99,11 +101,12 @@ def _build_agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
 def format_tracks_report(checked: CheckedTracks) -> str:
     """What was read, a table of the events, what would have avoided them, and what else is odd."""
     titles = ("event", "from", "to", "time", "place", "evidence")
-    rows = [_build_row(event, checked.tracks) for event in checked.found.events]
+    events = _list_plausible(checked.found)
+    rows = [_build_row(event, checked.tracks) for event in events]
     listed = format_columns(titles, rows, right={"time", "place"}) if rows else ""
     avoided = [
         f"{event.from_} and {event.to} at {event.time:.1f} s, {line}"
-        for event in checked.found.events
+        for event in events
         for line in describe_avoidability(
             event, checked.found.avoidability, {n: str(n) for n in checked.tracks.names}
         )
@@ -111,6 +114,7 @@ def format_tracks_report(checked: CheckedTracks) -> str:
     contacts = [finding.detail for finding in checked.found.contacts]
     below = [
         *_format_legend(checked),
+        *_format_implausible(checked.found.implausible),
         *_shorten(avoided),
         *_shorten(contacts),
         *(finding.detail for finding in checked.off_map),
@@ -118,6 +122,25 @@ def format_tracks_report(checked: CheckedTracks) -> str:
     return (
         _format_headline(checked) + listed + "".join(format_one_line(line) + "\n" for line in below)
     )
+
+
+def _list_plausible(found: RecordedEvents) -> list[Event]:
+    """The events without the collisions that the tracks themselves deny."""
+    doubted = {(each.time, *each.agents) for each in found.implausible}
+    return [
+        each
+        for each in found.events
+        if each.type != "collision" or (each.time, each.from_, each.to) not in doubted
+    ]
+
+
+def _format_implausible(found: Sequence[Finding]) -> list[str]:
+    """One line that counts the collisions that the tracks deny, and names them."""
+    if not found:
+        return []
+    which = ", ".join(each.detail for each in found[:SHOWN])
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    return [f"{count(len(found), 'collision')} that the tracks deny: {which}{more}"]
 
 
 def _shorten(lines: list[str]) -> list[str]:
@@ -128,7 +151,9 @@ def _shorten(lines: list[str]) -> list[str]:
 def _format_headline(checked: CheckedTracks) -> str:
     users, step = checked.tracks.users, checked.tracks.step
     start, end = min(u.track.start for u in users), max(u.track.end for u in users)
-    counts = Counter(event.type.replace("_", " ") for event in checked.found.events)
+    counts = Counter(event.type.replace("_", " ") for event in _list_plausible(checked.found))
+    if checked.found.implausible:
+        counts["implausible collision"] = len(checked.found.implausible)
     if checked.found.contacts:
         counts["contact without a collision"] = len(checked.found.contacts)
     found = ", ".join(f"{n} {name}" for name, n in sorted(counts.items())) or "no events"
