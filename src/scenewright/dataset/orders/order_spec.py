@@ -10,7 +10,7 @@ from importlib import resources
 from typing import Any
 
 from scenewright.backends import Question, load_backend
-from scenewright.backends.builtin.reader.words import VOCABULARY, WORDS, time_words_in
+from scenewright.backends.builtin.reader.words import VOCABULARY, time_words_in
 from scenewright.dataset.orders.scenario_spec import format_clock
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass
@@ -24,15 +24,15 @@ MOST = 100_000
 EXAMPLE = '"40 collisions and 50 yields at rush hour"'
 
 
-_WORDS: Mapping[str, Any] = tomllib.loads(
+WORDS: Mapping[str, Any] = tomllib.loads(
     resources.files("scenewright.dataset.orders").joinpath("words.toml").read_text("utf-8")
 )
-_KINDS: Mapping[str, list[str]] = _WORDS["kinds"]
-_MEANS: Mapping[str, list[str]] = _WORDS["means"]
-_RIDERS: Mapping[str, AgentClass] = _WORDS["riders"]
-_EMPTY, _STOPS = (frozenset(_WORDS["lists"][name]) for name in ("empty", "stops"))
+_KINDS: Mapping[str, list[str]] = WORDS["kinds"]
+_MEANS: Mapping[str, list[str]] = WORDS["means"]
+_RIDERS: Mapping[str, AgentClass] = WORDS["riders"]
+_EMPTY, _STOPS = (frozenset(WORDS["lists"][name]) for name in ("empty", "stops"))
 _LARGE = {"hundred": 100, "thousand": 1000, "dozen": 12, "score": 20}
-_NUMBERS = WORDS["numbers"]
+_NUMBERS = VOCABULARY["words"]["numbers"]
 _NUMBER_WORDS = {
     **{word: value for value, word in enumerate(_NUMBERS["to_twenty"])},
     **{word: value for word, value in _NUMBERS["others"].items() if 20 < value < 100},
@@ -317,7 +317,7 @@ def _refuse_unread(rest: str) -> None:
 
 
 _SHARES = re.compile(r"\b(?:proportion\w*|percent|share\w*)\b")
-_SHARED: list[str] = _WORDS["lists"]["shared"]
+_SHARED: list[str] = WORDS["lists"]["shared"]
 _ANY_SHARED = "|".join(_SHARED)
 _AS_IN_TRAFFIC = re.compile(rf"\b(?:{_ANY_SHARED})(?: of (?:the )?day)? as in (?:real )?traffic\b")
 _EVENLY = re.compile(

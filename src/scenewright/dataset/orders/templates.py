@@ -11,30 +11,15 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from scenewright.dataset.orders.order_spec import WORDS
 from scenewright.dataset.orders.scenario_spec import Party, Story, has_likelier_twin
 from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import get_pattern
 
 ItemT = TypeVar("ItemT")
 
-VEHICLES: Mapping[str, float] = {
-    "car": 6, "sedan": 2, "taxi": 2, "cab": 1, "SUV": 2, "van": 2, "minivan": 1, "hatchback": 1,
-    "truck": 2, "delivery truck": 1, "bus": 1.5, "school bus": 0.5, "motorcycle": 1,
-}  # fmt: skip
-PEDESTRIANS: Mapping[str, float] = {
-    "pedestrian": 6, "woman": 1, "man": 1, "child": 1, "jogger": 1, "person": 1,
-}  # fmt: skip
-_NOUNS: Mapping[AgentClass, Mapping[str, float]] = {
-    "vehicle": VEHICLES, "pedestrian": PEDESTRIANS,
-    "cyclist": {"cyclist": 6, "bicyclist": 1, "bike": 1},
-    "scooter": {"e-scooter": 4, "e-scooter rider": 1},
-}  # fmt: skip
-_RUNS: Mapping[AgentClass, tuple[str, ...]] = {
-    "vehicle": ("that runs a red light", "running a red light"),
-    "pedestrian": ("against a red light", "on red"),
-    "cyclist": ("who runs a red light", "running a red light"),
-    "scooter": ("that runs a red light", "running a red light"),
-}
+_NOUNS: Mapping[AgentClass, Mapping[str, float]] = WORDS["nouns"]
+_RUNS: Mapping[AgentClass, list[str]] = WORDS["runs"]
 _SURELY_ON_FOOT = ("pedestrian", "jogger")
 """Nouns of one that hits another pedestrian; a man or a woman that does might be driving."""
 
@@ -48,37 +33,7 @@ class Verb(NamedTuple):
     passive: str | None = None
 
 
-_DENSITIES: Mapping[str, tuple[str, ...]] = {
-    "low": ("light traffic", "sparse traffic", "low density", "quiet streets"),
-    "medium": ("medium traffic", "moderate traffic", "average traffic", "medium density"),
-    "high": ("heavy traffic", "dense traffic", "busy traffic", "high density"),
-}
-_PASSING = (
-    "{0} and {1} pass the intersection, nothing happens",
-    "{0} and {1} go through the junction, nothing happens",
-    "{0} and {1} cross the intersection without incident",
-)
-_NORMAL = (
-    "Ordinary traffic", "Normal traffic, nothing happens", "Regular traffic without incident",
-    "Everyday traffic, no conflicts", "Normal scene, no collisions and no near misses",
-    "Traffic as usual, nobody gets in anybody's way",
-)  # fmt: skip
-VOICES: Mapping[str, str] = {
-    "plain": "{Event}{at}{in}.",
-    "setting first": "{At}{in}, {event}.",
-    "request": "Please simulate the following{at}{in}: {event}.",
-    "wish": "I need a scene in which {event}{at}{in}.",
-    "polite": "Could you make a scene where {event}{at}{in}?",
-    "telegraph": "{Event}. {Density}. {Clock}.",
-    "headline": "{EVENT}{IN}{AT}",
-    "report": "{Past}. It was {clock}{with}.",
-    "small talk": "so there's {first}, and it {verb} {second}{in}{at}",
-    "two looks": "There is {second}. {First} {verb} {second again}. {Density}, {clock}.",
-    "passive": "{Passive}{at}{in}.",
-    "list": "Scene: {event}. Time: {clock}. Traffic: {level}.",
-    "phrase": "{Own}{at}{in}.",
-}
-"""Name -> text. Parts of a setting that is not given are left out."""
+VOICES: Mapping[str, str] = WORDS["voices"]
 
 
 def list_voices(story: Story) -> list[str]:
@@ -139,9 +94,9 @@ def _draw_nouns(story: Story, rng: np.random.Generator) -> tuple[list[str], list
 
 
 def _render_normal(story: Story, voice: str, rng: np.random.Generator) -> str:
-    low = _draw_one(_NORMAL, rng)
+    low = _draw_one(WORDS["normal"]["nobody"], rng)
     if story.parties:
-        low = _draw_one(_PASSING, rng).format(*_draw_nouns(story, rng)[1])
+        low = _draw_one(WORDS["normal"]["passing"], rng).format(*_draw_nouns(story, rng)[1])
     low, event = low[0].lower() + low[1:], _capitalize(low)
     parts = {
         **_render_setting(story, rng),
@@ -159,7 +114,7 @@ def _fill(text: str, parts: Mapping[str, str]) -> str:
 def _render_setting(story: Story, rng: np.random.Generator) -> dict[str, str]:
     """Words for time and density, empty where they are not given."""
     clock = "" if story.minute is None else _format_clock(story.minute, rng)
-    density = "" if story.density is None else _draw_one(_DENSITIES[story.density], rng)
+    density = "" if story.density is None else _draw_one(WORDS["densities"][story.density], rng)
     within = f" {_draw_one(('in', 'with'), rng)} {density}" if density else ""
     at = f" at {clock}" if clock else ""
     return {

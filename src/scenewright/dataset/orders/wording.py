@@ -7,7 +7,6 @@ killed goes on with the same texts, written by a model or not.
 from __future__ import annotations
 
 import json
-import os
 import zlib
 from collections.abc import Collection
 from dataclasses import asdict, dataclass
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.dataset.batch.answering import BUILTIN, Names
+from scenewright.dataset.batch.journal import cut_torn_line
 from scenewright.dataset.batch.worker import Options, format_json_line
 from scenewright.dataset.orders.order_spec import OrderSpec, Quota
 from scenewright.dataset.orders.scenario_spec import (
@@ -82,12 +82,10 @@ class Book:
         """
         self._file = folder / BOOK
         self._file.touch()
-        data = self._file.read_bytes()
-        whole = data[: data.rfind(b"\n") + 1]
-        if len(whole) < len(data):
-            os.truncate(self._file, len(whole))
+        cut_torn_line(self._file)
         try:
-            self.entries = [OrderEntry(**json.loads(line)) for line in whole.splitlines()]
+            lines = self._file.read_bytes().splitlines()
+            self.entries = [OrderEntry(**json.loads(line)) for line in lines]
         except (ValueError, TypeError) as error:
             raise InputError(f"{self._file} is damaged; begin in another folder") from error
         self._known = {(each.slot, each.attempt): each for each in self.entries}
