@@ -17,7 +17,7 @@ from scenewright.dataset.batch.journal import Journal, lock_journal
 from scenewright.dataset.batch.manifest import hash_files, read_manifest, write_manifest
 from scenewright.dataset.batch.pictures import draw_overview, draw_statistics
 from scenewright.dataset.batch.worker import FILES, Job, format_json_line
-from scenewright.dataset.tables.card import ABSTRACT, describe_in_croissant, format_card
+from scenewright.dataset.tables.card import describe_in_croissant, format_card
 from scenewright.dataset.tables.parquet import (
     TABLES,
     SceneFiles,
@@ -82,9 +82,8 @@ def finish(
     written = {name: list_table_files(part / "tables", name) for name in TABLES}
     splits = {name: [each.stem for each in found] for name, found in written.items() if found}
     croissant = describe_in_croissant(
-        name=title, description=ABSTRACT, version=str(about.get("scenewright")),
-        licence="https://www.apache.org/licenses/LICENSE-2.0", tables=list(splits),
-    )  # fmt: skip
+        name=title, version=str(about.get("scenewright")), tables=list(splits)
+    )
     (part / CROISSANT).write_bytes(croissant)
     names = [each.relative_to(part).as_posix() for found in written.values() for each in found]
     names += [*PICTURES, CROISSANT]

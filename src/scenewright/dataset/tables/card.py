@@ -59,10 +59,10 @@ def format_card(
         _format_coverage(measure_coverage(tally.encounters)),
         _format_counts("Leaves of the taxonomy", tally.patterns, "pattern", "scenes"),
         _format_counts("Without a scene", tally.codes, "reason", "instructions"),
-        _LAYOUT,
+        _read_part("card_layout.md"),
         *(_format_schema(name, tally.tables[name]) for name in TABLES),
         _format_counts("How it was made", _flatten(about), "option", "value"),
-        _LICENCE,
+        _read_part("card_licence.md"),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -86,35 +86,6 @@ def _list_figures(tally: Tally, given: int) -> dict[str, Any]:
         if not len(sizes)
         else f"{sizes.min()}, {float(np.median(sizes)):g}, {sizes.max()}",
     }
-
-
-_LAYOUT = """## What lies where
-
-- `<row>/scene.json`, `proof.json`, `provenance.json`: one folder per row, named by the row's id
-  where that is a plain file name (column `folder` of the table `scenes` has the name);
-- `tables/NAME/SPLIT.parquet`: all of it as tables, joined by the column `row`; `refused` has the
-  instructions of which no scene was made;
-- `croissant.json`: the tables for loaders that read MLCommons' Croissant;
-- `manifest.json`: the SHA-256 of every file. `scenewright dataset check FOLDER` recomputes them,
-  and runs the checker over every scene again.
-
-Units: metres, seconds, radians; x points east, y north; time 0 is the start of the scene.
-
-```python
-from datasets import load_dataset  # or all splits: pandas.read_parquet("tables/tracks")
-
-scenes = load_dataset("path/of/this/folder")  # those of train, validation and test that have rows
-tracks = load_dataset("path/of/this/folder", "tracks", split="train", streaming=True)
-```
-
-A row is of train, validation or test (80, 10 and 10 % of the groups, by a hash): rows of one
-intersection whose text one voice worded, or whose texts differ by numbers alone, share a part.
-Where an order names several intersections, half of them are held out: all their rows are test."""
-
-_LICENCE = """## Licence
-
-Apache License 2.0. The priors of the intersection derive from public counts; their sources stand in
-the bundle's `bundle.toml`."""
 
 
 def _format_front_matter(title: str, scenes: int, splits: Mapping[str, Sequence[str]]) -> str:
@@ -207,12 +178,11 @@ def _flatten(about: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-_CONTEXT: Mapping[str, Any] = json.loads(
-    resources.files("scenewright.dataset.tables")
-    .joinpath("croissant_context.json")
-    .read_text("utf-8")
-)
-"""The JSON-LD context that version 1.0 of the format prescribes."""
+def _read_part(name: str) -> str:
+    """A file of this room, without the newline at its end."""
+    return resources.files(__package__).joinpath(name).read_text("utf-8").rstrip()
+
+
 _TYPES = {
     "string": "sc:Text", "list": "sc:Text", "bool": "sc:Boolean", "int64": "sc:Integer",
     "int32": "sc:Integer", "int16": "sc:Integer", "ids": "sc:Integer", "float64": "sc:Float",
@@ -221,22 +191,19 @@ _TYPES = {
 _LISTS = ("list", "ids", "floats")
 
 
-def describe_in_croissant(
-    *, name: str, description: str, licence: str, version: str, tables: Sequence[str]
-) -> bytes:
+def describe_in_croissant(*, name: str, version: str, tables: Sequence[str]) -> bytes:
     """The file's bytes.
 
     Args:
-        licence: address of the licence's text; version: of scenewright.
-        tables: those that have rows.
+        version: of scenewright; tables: those that have rows.
     """
     value = {
-        "@context": _CONTEXT,
+        "@context": json.loads(_read_part("croissant_context.json")),  # as version 1.0 has it
         "@type": "sc:Dataset",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "name": name,
-        "description": description,
-        "license": licence,
+        "description": ABSTRACT,
+        "license": "https://www.apache.org/licenses/LICENSE-2.0",
         "citeAs": f"The scenewright contributors: {name}. Made with scenewright {version}.",
         "version": version,
         "isLiveDataset": False,
