@@ -85,15 +85,17 @@ def audit_dataset(
         if name.endswith("/scene.json") and name not in outside
     ]
     faults += _find_table_faults(folder, manifest)
-    checked = list(_check_scenes(folder, scenes, workers=workers, log=log))
-    faults += [fault for fault in checked if fault is not None]
-    return Audit(
-        files=len(files),
-        scenes=len(scenes),
-        verified=sum(fault is None for fault in checked),
-        complete=bool(manifest.get("complete")),
-        faults=tuple(faults[:_MOST]),
-    )
+    jobs, verified = [str(folder / scene) for scene in scenes], 0
+    one = ((job, check_again(job)) for job in jobs)
+    results = one if workers == 1 else spread(jobs, check_again, workers=workers)
+    for count, (job, result) in enumerate(results, start=1):
+        log(count, len(jobs))
+        verified += result is None
+        if result is not None:
+            died = isinstance(result, Died | Overdue)
+            faults.append(AuditFault(Path(job).name, "the checker died of it" if died else result))
+    complete = bool(manifest.get("complete"))
+    return Audit(len(files), len(scenes), verified, complete, tuple(faults[:_MOST]))
 
 
 def _hash_faults(folder: Path, files: Mapping[str, str]) -> Iterator[AuditFault]:
@@ -129,7 +131,10 @@ def _find_table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Au
     Datasets of earlier versions have fewer tables, and fewer columns.
     """
     with tempfile.TemporaryDirectory(prefix="scenewright-", ignore_cleanup_errors=True) as again:
-        yield from _compare_rebuilt(folder, Path(again), manifest)
+        try:
+            yield from _compare_rebuilt(folder, Path(again), manifest)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            yield AuditFault("tables/scenes", f"cannot be compared with the scenes: {error}")
         for name in TABLES:
             if list_table_files(folder / "tables", name):
                 yield from _compare_tables(folder, Path(again), name, manifest)
@@ -139,37 +144,28 @@ def _compare_rebuilt(
     folder: Path, again: Path, manifest: Mapping[str, Any]
 ) -> Iterator[AuditFault]:
     """Writes the tables anew from the scenes."""
-    try:
-        counts = Counter[str]()
-        with TableWriter(again) as writer:
-            for name in ("scenes", "refused"):
-                for row in read_table(folder / "tables", name, ABOUT):
-                    place = row.get("folder")
-                    if place is not None and (place in ("", "..") or Path(place).name != place):
-                        raise ValueError(f"{place!r} is no folder of a scene")
-                    found = SceneFiles.read(folder, row)
-                    writer.add(found)
-                    counts[row.get("status", "made")] += 1
-                    yield from _find_strayed(found)
-        for status in ("made", "refused", "failed"):
-            stated, there = manifest["rows"].get(status), counts[status]
-            if stated != there:
-                what = f"counts {stated} rows {status}, the table scenes has {there}"
-                yield AuditFault(MANIFEST, what)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        yield AuditFault("tables/scenes", f"cannot be compared with the scenes: {error}")
-
-
-def _find_strayed(files: SceneFiles) -> Iterator[AuditFault]:
-    """Where a row's folder holds the scene of another row."""
-    if files.scene is None or files.provenance is None:
-        return
-    meta = files.scene["meta"]
-    held = {"text": meta["user_prompt"], "seed": meta["seed"], "row": files.provenance["row"]}
-    for key in (key for key, value in held.items() if value != files.about[key]):
-        what = f"is the scene of another row: its {key} differs"
-        yield AuditFault(str(files.about["folder"]), what)
-        return
+    counts = Counter[str]()
+    with TableWriter(again) as writer:
+        for name in ("scenes", "refused"):
+            for row in read_table(folder / "tables", name, ABOUT):
+                place = row.get("folder")
+                if place is not None and (place in ("", "..") or Path(place).name != place):
+                    raise ValueError(f"{place!r} is no folder of a scene")
+                found = SceneFiles.read(folder, row)
+                writer.add(found)
+                counts[row.get("status", "made")] += 1
+                if found.scene is None or found.provenance is None:
+                    continue
+                meta, own = found.scene["meta"], found.provenance["row"]
+                held = {"text": meta["user_prompt"], "seed": meta["seed"], "row": own}
+                if others := [key for key, value in held.items() if value != row[key]]:
+                    what = f"is the scene of another row: its {others[0]} differs"
+                    yield AuditFault(str(place), what)
+    for status in ("made", "refused", "failed"):
+        stated, there = manifest["rows"].get(status), counts[status]
+        if stated != there:
+            what = f"counts {stated} rows {status}, the table scenes has {there}"
+            yield AuditFault(MANIFEST, what)
 
 
 def _compare_tables(
@@ -193,18 +189,6 @@ def _compare_tables(
     stated = manifest.get("tables", {}).get(name)
     if counted != stated:
         yield AuditFault(f"tables/{name}", f"has {counted} rows, the manifest says {stated}")
-
-
-def _check_scenes(
-    folder: Path, scenes: list[str], *, workers: int, log: Callable[[int, int], None]
-) -> Iterator[AuditFault | None]:
-    jobs = [str(folder / scene) for scene in scenes]
-    one = ((job, check_again(job)) for job in jobs)
-    results = one if workers == 1 else spread(jobs, check_again, workers=workers)
-    for count, (job, result) in enumerate(results, start=1):
-        log(count, len(jobs))
-        what = "the checker died of it" if isinstance(result, Died | Overdue) else result
-        yield None if what is None else AuditFault(Path(job).name, what)
 
 
 def check_again(place: str) -> str | None:

@@ -58,6 +58,7 @@ class BatchFolder:
     def __init__(self, out: Path, *, header: Mapping[str, Any], name: str = JOURNAL) -> None:
         """Nothing is read or written before the `with` block begins."""
         self.out, self._header, self._name = out, header, name
+        self._parts = out / f".{name}.parts"
         self._stack = ExitStack()
         self.journal: Journal
 
@@ -70,13 +71,13 @@ class BatchFolder:
                 ):
                     raise InputError(f"{self.out} holds other files; choose another --out")
                 stack.enter_context(lock_journal(self.out, self._name))
-                discard_leftovers(self.out, self._name)
+                self._discard_leftovers()
                 self.journal = Journal(self.out, name=self._name, header=self._header)
             except OSError as error:
                 reason = error.strerror or error
                 raise InputError(f"cannot write {self.out}: {reason}") from error
             stack.callback(self.journal.close)
-            stack.callback(discard_leftovers, self.out, self._name)
+            stack.callback(self._discard_leftovers)
             self._stack = stack.pop_all()
         return self
 
@@ -125,7 +126,11 @@ class BatchFolder:
                 # From here on it would not list what is there.
                 (self.out / MANIFEST).unlink(missing_ok=True)
             outcome = result if isinstance(result, Outcome) else _build_failure(result)
-            self.journal.append(self._build_entry(job, outcome))
+            hashes = {}
+            if outcome.status == "made":
+                hashes = publish(outcome.files, self.out / job.folder, parts=self._parts)
+            own = {name: each for name, each in vars(outcome).items() if name != "files"}
+            self.journal.append(JournalEntry(job.number, job.key, job.folder, sha256=hashes, **own))
             clock.log_end(outcome.status, now=True)
         return clock.now
 
@@ -146,15 +151,9 @@ class BatchFolder:
             else:
                 yield job
 
-    def _build_entry(self, job: Job, outcome: Outcome) -> JournalEntry:
-        place = self.out / job.folder
-        hashes = {}
-        if outcome.status == "made":
-            hashes = publish(outcome.files, place, parts=self.out / f".{self._name}.parts")
-        return JournalEntry(
-            number=job.number, key=job.key, folder=job.folder, sha256=hashes,
-            **{name: each for name, each in vars(outcome).items() if name != "files"},
-        )  # fmt: skip
+    def _discard_leftovers(self) -> None:
+        """Removes what a killed run of this journal had not finished."""
+        shutil.rmtree(self._parts, ignore_errors=True)
 
 
 class ProgressClock:
@@ -201,8 +200,11 @@ def publish(files: Mapping[str, bytes], folder: Path, *, parts: Path) -> dict[st
         part.mkdir(parents=True)
         for name, data in files.items():
             (part / name).write_bytes(data)
-        if folder.exists():
-            _discard(folder)
+        if folder.exists():  # of a row that no journal knows; never anything that is no scene's
+            names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else {""}
+            if not names <= set(FILES):
+                raise InputError(f"{folder} is in the way: it holds other things than a scene")
+            shutil.rmtree(folder)
         os.rename(part, folder)
     except OSError as error:
         shutil.rmtree(part, ignore_errors=True)
@@ -219,16 +221,3 @@ def is_whole(folder: Path, sha256: Mapping[str, str]) -> bool:
         )
     except OSError:
         return False
-
-
-def discard_leftovers(folder: Path, name: str) -> None:
-    """Removes what a killed run of the journal of that name had not finished."""
-    shutil.rmtree(folder / f".{name}.parts", ignore_errors=True)
-
-
-def _discard(folder: Path) -> None:
-    """Removes a row's folder that no journal knows; never anything that is no scene's."""
-    names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else {""}
-    if not names <= set(FILES):
-        raise InputError(f"{folder} is in the way: it holds other things than a scene")
-    shutil.rmtree(folder)

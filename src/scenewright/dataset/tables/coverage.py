@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -22,31 +24,18 @@ from scenewright.scene.spread import read_number
 
 Encounter = dict[str, Any]
 """What one event shows: item -> its value; None where it has none."""
-Item = Literal[
-    "event", "asked", "kind", "cause", "caused_by", "avoidable", "ran_red",
-    "type_from", "type_to", "subtype_from", "subtype_to", "movement_from", "movement_to",
-    "entry_from", "entry_to", "crosswalk", "junction", "density", "hour", "agents",
-    "pet", "ttc", "ttc_2d", "drac", "closing_speed", "speed_from", "speed_to", "headway", "gap",
-    "asked_pet", "asked_ttc", "asked_speed",
-]  # fmt: skip
-"""What can be covered; docs/tutorials/coverage.md says what each is."""
-_SECONDS = (0, 0.5, 1, 1.5, 2, 3, 4, 6, 8)
-_SPEEDS = (0, 1, 2, 4, 6, 8, 10, 12, 15, 20)
-NUMBERS: Mapping[str, tuple[str, tuple[float, ...]]] = {
-    **dict.fromkeys(("pet", "ttc", "ttc_2d", "headway", "asked_pet", "asked_ttc"), ("s", _SECONDS)),
-    **dict.fromkeys(("closing_speed", "speed_from", "speed_to", "asked_speed"), ("m/s", _SPEEDS)),
-    "drac": ("m/s2", (0, 1, 2, 3, 4, 6, 9)),
-    "gap": ("m", (0, 1, 2, 4, 6, 10, 15, 25)),
-    "hour": ("h", (0, 6, 9, 12, 15, 18, 21, 24)),
-    "agents": ("", (1, 5, 10, 15, 20, 30, 60)),
+ITEMS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
+    resources.files(__package__).joinpath("items.toml").read_text("utf-8")
+)
+if TYPE_CHECKING:
+    Item = str
+else:
+    Item = Literal[tuple(ITEMS)]
+NUMBERS = {
+    name: (item["unit"], tuple(item["edges"])) for name, item in ITEMS.items() if "unit" in item
 }
 """Items that are numbers: unit, and edges of the usual bins."""
-_KEYS = {
-    "pet": "pet", "ttc": "path_ttc", "ttc_2d": "ttc_2d", "drac": "drac", "kind": "kind",
-    "closing_speed": "relative_speed", "headway": "least_headway", "gap": "least_gap",
-    "asked_pet": "target_pet", "asked_ttc": "target_ttc", "asked_speed": "impact_speed",
-}  # fmt: skip
-"""Items that stand in the event, its evidence or the relation that asked for it."""
+_KEYS = {name: item["key"] for name, item in ITEMS.items() if "key" in item}
 
 
 def list_words(item: str) -> tuple[str, ...]:
@@ -258,7 +247,7 @@ def count_bins(encounters: Sequence[Encounter], bins: Sequence[Bins], least: int
 def measure_coverage(encounters: Sequence[Encounter], goals: Goals | None = None) -> list[Covered]:
     """What is covered of each goal, or of every item that any encounter has."""
     if goals is None:
-        found = (count_bins(encounters, [build_bins(item)]) for item in get_args(Item))
+        found = (count_bins(encounters, [build_bins(item)]) for item in ITEMS)
         return [each for each in found if each.values]
     bins = {each.cover: build_bins(each.cover, each.bins or (), each.values)
             for each in goals.dimensions}  # fmt: skip
