@@ -14,7 +14,9 @@ from scenewright.scene.english import load_english_words
 from scenewright.scene.relations import load_patterns
 
 _WORD = re.compile(r"(?<![\w'’])[A-Za-z]{3,}(?![\w'’])")
-_TYPOLOGIES = [(re.compile(each, re.I), said) for each, said in WORDS["spelling"]["typologies"]]
+_TYPOLOGIES: list[tuple[re.Pattern[str], str]] = [
+    (re.compile(each, re.I), said) for each, said in WORDS["spelling"]["typologies"]
+]
 _CONFLICT = "|".join(each.pattern for each, _ in _TYPOLOGIES)
 _PIECE = re.compile(rf"\b(?P<conflict>{_CONFLICT})\b|{_WORD.pattern}", re.IGNORECASE)
 

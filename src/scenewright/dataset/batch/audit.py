@@ -92,8 +92,8 @@ def audit_dataset(
         log(count, len(jobs))
         verified += result is None
         if result is not None:
-            died = isinstance(result, Died | Overdue)
-            faults.append(AuditFault(Path(job).name, "the checker died of it" if died else result))
+            what = "the checker died of it" if isinstance(result, Died | Overdue) else result
+            faults.append(AuditFault(Path(job).name, what))
     complete = bool(manifest.get("complete"))
     return Audit(len(files), len(scenes), verified, complete, tuple(faults[:_MOST]))
 

@@ -267,16 +267,16 @@ def _spread(found: list[Pattern], count: int) -> list[Quota]:
     ]
 
 
-def _get_meaning(word: str, kind_named: bool) -> tuple[str, ...]:
+def _get_meaning(word: str, kind_named: bool) -> list[str]:
     """What a word asks of a pattern; words of the kind itself and empty ones ask nothing."""
     stem = _make_singular(word)
     if word in _EMPTY or word == "and":
-        return ()
+        return []
     if stem in _RIDERS:
-        return ("rider",)
+        return ["rider"]
     if stem in _MEANS:
         return _MEANS[stem]
-    return () if kind_named and _find_kind(word) else (stem,)
+    return [] if kind_named and _find_kind(word) else [stem]
 
 
 def _list_vocabulary(pattern: Pattern) -> frozenset[str]:
