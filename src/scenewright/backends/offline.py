@@ -8,7 +8,7 @@ from __future__ import annotations
 from scenewright.backends.builtin.draft import build_site
 from scenewright.backends.builtin.named import CLASSES, Named, find_named
 from scenewright.backends.builtin.planner import plan
-from scenewright.backends.builtin.reader.words import WORDS
+from scenewright.backends.builtin.reader.words import VOCABULARY, WORDS, time_words_in
 from scenewright.backends.builtin.references import ORDINALS, build_clarification, read_choice
 from scenewright.backends.builtin.revising import begins_anew, read
 from scenewright.backends.builtin.turn_intent import rank_intents
@@ -16,6 +16,7 @@ from scenewright.backends.builtin.turn_intent import rank_intents
 __all__ = [
     "CLASSES",
     "ORDINALS",
+    "VOCABULARY",
     "WORDS",
     "Named",
     "begins_anew",
@@ -26,4 +27,5 @@ __all__ = [
     "rank_intents",
     "read",
     "read_choice",
+    "time_words_in",
 ]  # fmt: skip

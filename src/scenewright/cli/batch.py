@@ -76,7 +76,7 @@ class SceneOptions:
 
     def choose_work(self) -> dict[str, Any]:
         """The fields of a request or an order that say how it is worked on."""
-        from scenewright.dataset.batch.run import ROW_TIMEOUT
+        from scenewright.dataset.batch.carry_out import ROW_TIMEOUT
 
         limit = ROW_TIMEOUT if self.row_timeout is None else self.row_timeout
         workers = count_cores() if self.workers is None else self.workers

@@ -17,18 +17,53 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
+from scenewright.dataset.batch.answering import PLAINLY, Asking
 from scenewright.dataset.batch.journal import Journal, JournalEntry, lock_journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.pool import TRIES, Died, Overdue, spread
 from scenewright.dataset.batch.worker import FILES, Job, Outcome, work
+from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.graph.run import make_folder
 
 Engine = Literal["process", "ray"]
+ROW_TIMEOUT, MOST_ROW_TIMEOUT = 1800.0, 86400.0
+"""Default of the longest that one row may take [s], and the largest value allowed."""
+MOST_WORKERS, MOST_AT_ONCE = 1024, 256
 JOURNAL = "journal.jsonl"
 _OUT_OF_MEMORY = -9
 RECENT = 50
 """Rows whose pace tells how long the others will take."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """How jobs are worked on. It changes no scene, so it may change from run to run.
+
+    Attributes:
+        workers: processes; row_timeout: longest that one row may take [s].
+        asking: how questions are put.
+    """
+
+    workers: int = 1
+    engine: Engine = "process"
+    row_timeout: float = ROW_TIMEOUT
+    asking: Asking = PLAINLY
+
+    def check_work(self) -> None:
+        """InputError where an option cannot be used."""
+        at_once = self.asking.at_once
+        if not 1 <= self.workers <= MOST_WORKERS:
+            raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {self.workers}")
+        if not 1.0 <= self.row_timeout <= MOST_ROW_TIMEOUT:
+            span = f"1 to {MOST_ROW_TIMEOUT:g} seconds for one row"
+            raise InputError(f"--row-timeout is {span}, got {self.row_timeout:g}")
+        if at_once is not None and not 1 <= at_once <= MOST_AT_ONCE:
+            raise InputError(f"--at-once is a number from 1 to {MOST_AT_ONCE}, got {at_once}")
+        for name, value in (("--record", self.asking.record), ("--at-once", at_once)):
+            if self.engine == "ray" and value is not None:
+                raise InputError(f"{name} works on one machine: leave it out with --engine ray")
+        require_tables()
 
 
 @dataclass(frozen=True)
@@ -93,29 +128,19 @@ class BatchFolder:
             raise InputError(f"{self.out}: row {job.number} is {entry.key!r}, not {job.key!r}")
         return entry.status != "made" or is_whole(self.out / entry.folder, entry.sha256)
 
-    def carry_out(
-        self,
-        jobs: Iterable[Job],
-        *,
-        of: int,
-        workers: int,
-        engine: Engine = "process",
-        limit: float | None = None,
-        log: ProgressCallback = lambda _: None,
-    ) -> int:
+    def carry_out(self, jobs: Iterable[Job], how: Work, *, of: int, log: ProgressCallback) -> int:
         """Does every job that is not done; how many those were.
 
         Args:
-            of: how many jobs there are, for the progress.
-            limit: longest that one row may take [s].
-            log: called after every row.
+            of: how many jobs there are, for the progress; log: called after every row.
 
         Raises:
             InputError: the folder cannot be written any more; what is done stays.
         """
         clock = ProgressClock(of, log)
         todo = self._open(jobs, clock)
-        if engine == "process":
+        workers, limit = how.workers, how.row_timeout
+        if how.engine == "process":
             results = spread(todo, work, workers=workers, limit=limit)
         else:
             from scenewright.dataset.batch.cluster import spread_on_ray

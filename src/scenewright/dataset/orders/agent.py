@@ -16,21 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.answering import (
-    PLAINLY,
     Asking,
     Names,
     find_record_path,
     find_url,
     make_plain_name,
 )
-from scenewright.dataset.batch.carry_out import (
-    BatchFolder,
-    Engine,
-    ProgressCallback,
-    ProgressClock,
-)
+from scenewright.dataset.batch.carry_out import BatchFolder, ProgressCallback, ProgressClock, Work
 from scenewright.dataset.batch.pool import spread
-from scenewright.dataset.batch.run import ROW_TIMEOUT
 from scenewright.dataset.batch.worker import Job, Options
 from scenewright.dataset.orders.order_spec import OrderSpec
 from scenewright.dataset.orders.wording import (
@@ -51,7 +44,7 @@ FEW = 12
 
 
 @dataclass(frozen=True)
-class Order:
+class Order(Work):
     """What the agent was asked for.
 
     Attributes:
@@ -60,8 +53,8 @@ class Order:
             their scenes are the test split.
         writer: name of the writer of the instructions.
         budget: most instructions; None: twice the scenes + 20.
-        row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
-            are asked, each has a file of answers of its own beside the one that is named.
+        asking: where several are asked, each has a file of answers of its own beside the one that
+            is named.
     """
 
     text: str
@@ -71,11 +64,7 @@ class Order:
     places: tuple[str, ...] = ()
     writer: str = "builtin"
     budget: int | None = None
-    workers: int = 1
-    engine: Engine = "process"
     title: str = "Traffic scenes to order"
-    row_timeout: float = ROW_TIMEOUT
-    asking: Asking = PLAINLY
 
     @property
     def all_places(self) -> tuple[str, ...]:
@@ -135,10 +124,8 @@ def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
         slots.update({slot.number: slot for slot in due})
         write_instructions(due, context)
         jobs = build_jobs(order, context.book.entries, [*slots.values()], context.asking)
-        context.batch.carry_out(  # what is done is left alone
-            jobs, of=len(jobs), workers=order.workers, engine=order.engine,
-            limit=order.row_timeout, log=context.log,
-        )  # fmt: skip
+        # What is done is left alone.
+        context.batch.carry_out(jobs, order, of=len(jobs), log=context.log)
         for slot in due:
             name = slot.row
             done = context.batch.journal.get_entry(context.book.number[name])

@@ -10,7 +10,7 @@ from importlib import resources
 from typing import Any
 
 from scenewright.backends import Question, load_backend
-from scenewright.backends.builtin.reader.words import VOCABULARY, time_words_in
+from scenewright.backends.offline import VOCABULARY, time_words_in
 from scenewright.dataset.orders.scenario_spec import format_clock
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass

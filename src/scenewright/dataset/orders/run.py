@@ -10,31 +10,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.batch.answering import (
-    Asking,
-    Names,
-    check_asking,
-    find_record_path,
-    find_url,
-)
+from scenewright.dataset.batch.answering import Asking, Names, find_record_path, find_url
 from scenewright.dataset.batch.carry_out import BatchFolder, ProgressCallback
 from scenewright.dataset.batch.finish import finish, list_journal_rows
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
-from scenewright.dataset.batch.run import (
-    MOST_WORKERS,
-    check_options,
-    check_row_timeout,
-    hash_bundle,
-    list_settings,
-)
+from scenewright.dataset.batch.run import check_options, hash_bundle, list_settings
 from scenewright.dataset.batch.worker import format_json_line
 from scenewright.dataset.orders.agent import Order, OrderContext, build_jobs, fill_slots
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
 from scenewright.dataset.orders.wording import BOOK, Book, Slot
 from scenewright.dataset.orders.writers import load_writer
-from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map
@@ -89,13 +76,9 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
 
 def check_order(order: Order, speakers: Mapping[Names, Asking]) -> None:
     """InputError where an option cannot be used."""
-    if not 1 <= order.workers <= MOST_WORKERS:
-        raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {order.workers}")
+    order.check_work()
     if order.most < order.wish.count:
         raise InputError(f"a budget of {order.most} is below the {order.wish.count} scenes ordered")
-    require_tables()
-    check_row_timeout(order.row_timeout)
-    check_asking(order.asking, one_machine=order.engine == "process")
     url = order.options.base_url
     all_names = [*(name for names in speakers for name in names), order.writer]
     if url is not None and find_url(all_names, url) is None:
