@@ -157,7 +157,7 @@ def make_batch(
         return
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_batch(request, log=log)
-    for name in exports or () if summary.made else ():
+    for name in exports or () if summary.counts.get("made") else ():
         export(list_scenes(request.out), name, request.out / EXPORTS / name)
     if not quiet:
         log_summary(summary)

@@ -101,7 +101,7 @@ def _build_agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
 def format_tracks_report(checked: CheckedTracks) -> str:
     """What was read, a table of the events, what would have avoided them, and what else is odd."""
     titles = ("event", "from", "to", "time", "place", "evidence")
-    events = _list_plausible(checked.found)
+    events = checked.found.plausible
     rows = [_build_row(event, checked.tracks) for event in events]
     listed = format_columns(titles, rows, right={"time", "place"}) if rows else ""
     avoided = [
@@ -124,16 +124,6 @@ def format_tracks_report(checked: CheckedTracks) -> str:
     )
 
 
-def _list_plausible(found: RecordedEvents) -> list[Event]:
-    """The events without the collisions that the tracks themselves deny."""
-    doubted = {(each.time, *each.agents) for each in found.implausible}
-    return [
-        each
-        for each in found.events
-        if each.type != "collision" or (each.time, each.from_, each.to) not in doubted
-    ]
-
-
 def _format_implausible(found: Sequence[Finding]) -> list[str]:
     """One line that counts the collisions that the tracks deny, and names them."""
     if not found:
@@ -151,7 +141,7 @@ def _shorten(lines: list[str]) -> list[str]:
 def _format_headline(checked: CheckedTracks) -> str:
     users, step = checked.tracks.users, checked.tracks.step
     start, end = min(u.track.start for u in users), max(u.track.end for u in users)
-    counts = Counter(event.type.replace("_", " ") for event in _list_plausible(checked.found))
+    counts = Counter(event.type.replace("_", " ") for event in checked.found.plausible)
     if checked.found.implausible:
         counts["implausible collision"] = len(checked.found.implausible)
     if checked.found.contacts:

@@ -43,13 +43,8 @@ PLAINLY = Asking()
 """Nothing recorded, no limit on questions at once."""
 
 
-def label(names: Names) -> str:
-    """A backend's name in tables and journals."""
-    return ", ".join(names)
-
-
 def make_plain_name(names: Names) -> str:
-    """The same as part of the names of files and rows, without company or folder."""
+    """A backend as part of the names of files and rows, without company or folder."""
     plain = []
     for name in names:
         kind, colon, rest = name.partition(":")

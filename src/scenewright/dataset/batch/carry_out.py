@@ -66,22 +66,42 @@ class Work:
         require_tables()
 
 
-@dataclass(frozen=True)
 class Progress:
-    """How far a run is.
+    """How far a run is, counted as its rows come to an end.
 
     Attributes:
-        done, of: rows that came to an end, earlier runs' included, and rows in all.
-        counts: rows by status; rate: rows a second of late; left: seconds to go, if known.
-        what: what is counted, rows or the texts of an order.
+        of: rows in all; counts: rows that came to an end by status, earlier runs' included.
+        now: how many came to an end in this run; what: what is counted, rows or texts of an order.
     """
 
-    done: int
-    of: int
-    counts: Mapping[str, int]
-    rate: float
-    left: float | None
-    what: str = "rows"
+    def __init__(self, of: int, log: Callable[[Progress], None], *, what: str = "rows") -> None:
+        self.of, self.what, self.counts, self.now = of, what, Counter[str](), 0
+        self._log, self._ended = log, deque[float](maxlen=RECENT)
+
+    def log_end(self, status: str, *, now: bool) -> None:
+        """Count a row and report; `now` tells it from one of an earlier run."""
+        self.counts[status] += 1
+        if now:
+            self.now += 1
+            self._ended.append(time.monotonic())
+        self._log(self)
+
+    @property
+    def done(self) -> int:
+        """Rows that came to an end."""
+        return self.counts.total()
+
+    @property
+    def rate(self) -> float:
+        """Rows a second of the last ones: what workers need to start says nothing."""
+        if len(self._ended) < 2:
+            return 0.0
+        return (len(self._ended) - 1) / max(self._ended[-1] - self._ended[0], 1e-6)
+
+    @property
+    def left(self) -> float | None:
+        """Seconds to go, if known."""
+        return (self.of - self.done) / self.rate if self.rate else None
 
 
 ProgressCallback = Callable[[Progress], None]
@@ -119,15 +139,6 @@ class BatchFolder:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def is_done(self, job: Job) -> bool:
-        """Whether a row came to an end that another try would not change, and is all there."""
-        entry = self.journal.get_entry(job.number)
-        if entry is None or entry.status == "failed":
-            return False
-        if entry.key != job.key:
-            raise InputError(f"{self.out}: row {job.number} is {entry.key!r}, not {job.key!r}")
-        return entry.status != "made" or is_whole(self.out / entry.folder, entry.sha256)
-
     def carry_out(self, jobs: Iterable[Job], how: Work, *, of: int, log: ProgressCallback) -> int:
         """Does every job that is not done; how many those were.
 
@@ -137,8 +148,8 @@ class BatchFolder:
         Raises:
             InputError: the folder cannot be written any more; what is done stays.
         """
-        clock = ProgressClock(of, log)
-        todo = self._open(jobs, clock)
+        progress = Progress(of, log)
+        todo = self._list_due(jobs, progress)
         workers, limit = how.workers, how.row_timeout
         if how.engine == "process":
             results = spread(todo, work, workers=workers, limit=limit)
@@ -147,7 +158,7 @@ class BatchFolder:
 
             results = spread_on_ray(todo, work, workers=workers, limit=limit)
         for job, result in results:
-            if not clock.now:
+            if not progress.now:
                 # From here on it would not list what is there.
                 (self.out / MANIFEST).unlink(missing_ok=True)
             outcome = result if isinstance(result, Outcome) else _build_failure(result)
@@ -156,8 +167,8 @@ class BatchFolder:
                 hashes = publish(outcome.files, self.out / job.folder, parts=self._parts)
             own = {name: each for name, each in vars(outcome).items() if name != "files"}
             self.journal.append(JournalEntry(job.number, job.key, job.folder, sha256=hashes, **own))
-            clock.log_end(outcome.status, now=True)
-        return clock.now
+            progress.log_end(outcome.status, now=True)
+        return progress.now
 
     @contextmanager
     def lock_journals(self) -> Iterator[Journal]:
@@ -168,39 +179,23 @@ class BatchFolder:
         ):
             yield journal
 
-    def _open(self, jobs: Iterable[Job], clock: ProgressClock) -> Iterator[Job]:
+    def _list_due(self, jobs: Iterable[Job], progress: Progress) -> Iterator[Job]:
+        """Jobs but those that came to an end that another try would not change, and are whole."""
         for job in jobs:
-            if self.is_done(job):
-                entry = self.journal.get_entry(job.number)
-                clock.log_end(entry.status if entry else "failed", now=False)
-            else:
+            entry = self.journal.get_entry(job.number)
+            if entry is None or entry.status == "failed":
                 yield job
+                continue
+            if entry.key != job.key:
+                raise InputError(f"{self.out}: row {job.number} is {entry.key!r}, not {job.key!r}")
+            if entry.status == "made" and not is_whole(self.out / entry.folder, entry.sha256):
+                yield job
+            else:
+                progress.log_end(entry.status, now=False)
 
     def _discard_leftovers(self) -> None:
         """Removes what a killed run of this journal had not finished."""
         shutil.rmtree(self._parts, ignore_errors=True)
-
-
-class ProgressClock:
-    """Counts rows that came to an end and reports progress."""
-
-    def __init__(self, of: int, log: ProgressCallback, *, what: str = "rows") -> None:
-        self._of, self._log, self._what = of, log, what
-        self._counts = Counter[str]()
-        self._ended = deque[float](maxlen=RECENT)
-        self.now = 0
-
-    def log_end(self, status: str, *, now: bool) -> None:
-        """Count a row; `now` tells it from one of an earlier run."""
-        self._counts[status] += 1
-        if now:
-            self.now += 1
-            self._ended.append(time.monotonic())
-        done, rate = self._counts.total(), 0.0
-        if len(self._ended) > 1:  # of the last ones: what workers need to start says nothing
-            rate = (len(self._ended) - 1) / max(self._ended[-1] - self._ended[0], 1e-6)
-        left = (self._of - done) / rate if rate else None
-        self._log(Progress(done, self._of, dict(self._counts), rate, left, self._what))
 
 
 def _build_failure(result: Died | Overdue) -> Outcome:

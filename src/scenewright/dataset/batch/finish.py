@@ -11,7 +11,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.batch.answering import label
 from scenewright.dataset.batch.carry_out import JOURNAL, is_whole, publish
 from scenewright.dataset.batch.journal import Journal, lock_journal
 from scenewright.dataset.batch.manifest import hash_files, read_manifest, write_manifest
@@ -121,7 +120,7 @@ def list_journal_rows(journal: Journal, jobs: Iterable[Job]) -> Iterator[Finishe
             split = job.split or choose_split(options.intersection, job.text, job.voice)
             about = {
                 "row": job.key, "folder": entry.folder if entry.status == "made" else None,
-                "split": split, "backend": label(options.backend),
+                "split": split, "backend": ", ".join(options.backend),
                 **{key: getattr(entry, key) for key in ("status", "code", "reason", "attempts")},
                 **{key: getattr(job, key) for key in ("text", "asked", "voice", "seed")},
                 **{key: getattr(options, key) for key in ("intersection", "refiner", "selection")},

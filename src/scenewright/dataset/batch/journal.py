@@ -100,7 +100,19 @@ class Journal:
 
     def _load(self, path: Path, header: dict[str, Any]) -> None:
         reader = self._readers[path.name] = path.open("rb")
-        _check_header(path, reader.readline(), header)
+        try:
+            found = json.loads(reader.readline())
+        except ValueError as error:
+            raise InputError(f"{path} is no journal of a batch; choose another --out") from error
+        if found != header:
+            changed = [key for key in header if found.get(key) != header[key]]
+            changes = (f"{key} was {found.get(key)!r}, now {header[key]!r}" for key in changed)
+            what = ", ".join(changes) or "another layout"
+            what = "the input has changed" if "input" in changed else what
+            raise InputError(
+                f"{path.parent} was begun otherwise ({what}); what is there cannot be gone on "
+                "with: give the same input and options, or choose another --out"
+            )
         place = reader.tell()
         for line in iter(reader.readline, b""):
             if line.endswith(b"\n"):
@@ -124,22 +136,6 @@ def cut_torn_line(path: Path) -> None:
             at = stream.read(min(65536, end - begin)).rfind(b"\n")
         if begin + at + 1 < end:
             stream.truncate(begin + at + 1)
-
-
-def _check_header(path: Path, line: bytes, header: dict[str, Any]) -> None:
-    try:
-        found = json.loads(line)
-    except ValueError as error:
-        raise InputError(f"{path} is no journal of a batch; choose another --out") from error
-    if found == header:
-        return
-    changed = [key for key in header if found.get(key) != header[key]]
-    changes = ", ".join(f"{key} was {found.get(key)!r}, now {header[key]!r}" for key in changed)
-    what = "the input has changed" if "input" in changed else changes or "another layout"
-    raise InputError(
-        f"{path.parent} was begun otherwise ({what}); what is there cannot be gone on with: "
-        "give the same input and options, or choose another --out"
-    )
 
 
 @contextmanager

@@ -45,10 +45,26 @@ def draw_overview(
         agents: number of agents in a scene -> how many scenes have it.
         name: the intersection that is drawn beneath; None for none.
     """
+    from matplotlib.image import imread
+
     figure = create_figure(11.5, 4.2)
     where, when, size = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
     kinds = [kind for kind in COLOURS if len(places.get(kind, ()))]
-    _draw_places(where, places, kinds, name)
+    where.set(title="where events happen", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    if name is not None:
+        from scenewright.intersections import load_map
+        from scenewright.viz.basemap import draw_basemap
+        from scenewright.viz.drawing import Drawing
+
+        ground = Drawing(VIEW, 0.0, 0.0, 4.0, 4.0)
+        draw_basemap(ground, load_map(name))
+        where.imshow(imread(BytesIO(ground.render(150))), extent=VIEW)
+    for kind in kinds:
+        x, y = places[kind][0::3], places[kind][1::3]
+        label = f"{kind.replace('_', ' ')} ({len(x)})"
+        where.scatter(x, y, s=8, c=COLOURS[kind], label=label, zorder=9)
+    if kinds:
+        where.legend(fontsize=7, loc="upper right").set_zorder(10)
     colours = [COLOURS[kind] for kind in kinds]
     if kinds:
         times = [list(places[kind][2::3]) for kind in kinds]
@@ -57,28 +73,6 @@ def draw_overview(
     size.bar(list(agents), list(agents.values()), color="#6C8EBF")
     size.set(title="agents in a scene", xlabel="agents", ylabel="scenes")
     figure.savefig(path, metadata={"Software": None})
-
-
-def _draw_places(
-    axes: Any, places: Mapping[str, Sequence[float]], kinds: Sequence[str], name: str | None
-) -> None:
-    from matplotlib.image import imread
-
-    axes.set(title="where events happen", xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    if name is not None:
-        from scenewright.intersections import load_map
-        from scenewright.viz.basemap import draw_basemap
-        from scenewright.viz.drawing import Drawing
-
-        ground = Drawing(VIEW, 0.0, 0.0, 4.0, 4.0)
-        draw_basemap(ground, load_map(name))
-        axes.imshow(imread(BytesIO(ground.render(150))), extent=VIEW)
-    for kind in kinds:
-        values = places[kind]
-        label = f"{kind.replace('_', ' ')} ({len(values) // 3})"
-        axes.scatter(values[0::3], values[1::3], s=8, c=COLOURS[kind], label=label, zorder=9)
-    if kinds:
-        axes.legend(fontsize=7, loc="upper right").set_zorder(10)
 
 
 def draw_coverage(path: Path, covered: Sequence[Covered], *, columns: int = 3) -> None:

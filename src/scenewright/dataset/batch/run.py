@@ -62,11 +62,6 @@ class Summary:
     complete: bool
     paid: dict[str, int] = field(default_factory=dict)
 
-    @property
-    def made(self) -> int:
-        """Rows with a scene."""
-        return self.counts.get("made", 0)
-
 
 def parse_shard(text: str) -> tuple[int, int]:
     """(i, n) from `i/n`; InputError for anything else."""

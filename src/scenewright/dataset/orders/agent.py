@@ -22,7 +22,7 @@ from scenewright.dataset.batch.answering import (
     find_url,
     make_plain_name,
 )
-from scenewright.dataset.batch.carry_out import BatchFolder, ProgressCallback, ProgressClock, Work
+from scenewright.dataset.batch.carry_out import BatchFolder, Progress, ProgressCallback, Work
 from scenewright.dataset.batch.pool import spread
 from scenewright.dataset.batch.worker import Job, Options
 from scenewright.dataset.orders.order_spec import OrderSpec
@@ -185,18 +185,18 @@ def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
         earlier = (book.find(slot.number, k) for k in range(1, slot.attempts))
         texts = tuple(each.text for each in earlier if each is not None)
         tasks.append(WordingTask(slot, order.wish, order.options, texts))
-    clock = ProgressClock(len(tasks), context.log, what="texts")
+    progress = Progress(len(tasks), context.log, what="texts")
     if len(tasks) < FEW or any(each.name != "builtin" for each in context.writers.values()):
         for task in tasks:
             book.add(word_slot(task, context.writers[task.slot.intersection], book.texts))
-            clock.log_end("made", now=True)
+            progress.log_end("made", now=True)
         return
     done: dict[int, OrderEntry] = {}
     waiting = deque(task.slot.number for task in tasks)
     for task, result in spread(tasks, word_by_templates, workers=order.workers):
         worded = result if isinstance(result, OrderEntry) else word_by_templates(task)
         done[task.slot.number] = worded
-        clock.log_end("made", now=True)
+        progress.log_end("made", now=True)
         while waiting and waiting[0] in done:
             book.add(done.pop(waiting.popleft()))
 

@@ -57,25 +57,36 @@ def _has_all(text: str, story: Story) -> bool:
 
 def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
     """The story as text in that voice."""
+    parts = {}
     if story.leaf is None:
-        return _render_normal(story, voice, rng)
-    pattern = get_pattern(story.leaf)
-    names, nouns = _draw_nouns(story, rng)
-    verb = _draw_one([Verb(*each) for each in pattern.find_kind("verbs").verbs], rng)
-    event = f"{nouns[0]} {verb.present} {nouns[1]}"
-    passive = verb.passive and f"{nouns[1]} is {verb.passive} {nouns[0]}"
-    setting = _render_setting(story, rng)
-    text, own = VOICES[voice], _draw_one(pattern.phrases, rng)
-    parts = {
-        **setting,
+        event = _draw_one(WORDS["normal"]["nobody"], rng)
+        if story.parties:
+            event = _draw_one(WORDS["normal"]["passing"], rng).format(*_draw_nouns(story, rng)[1])
+        event = past = event[0].lower() + event[1:]
+        parts |= _render_setting(story, rng)
+    else:
+        pattern = get_pattern(story.leaf)
+        names, nouns = _draw_nouns(story, rng)
+        verb = _draw_one([Verb(*each) for each in pattern.find_kind("verbs").verbs], rng)
+        event = f"{nouns[0]} {verb.present} {nouns[1]}"
+        past = f"{nouns[0]} {verb.past} {nouns[1]}"
+        passive = f"{nouns[1]} is {verb.passive} {nouns[0]}" if verb.passive else event
+        parts |= _render_setting(story, rng)
+        own = _draw_one(pattern.phrases, rng)
+        parts |= {
+            "Passive": _capitalize(passive), "verb": verb.present,
+            "first": nouns[0], "First": _capitalize(nouns[0]), "second": nouns[1],
+            "second again": f"the {names[1]}",
+            "Own": _capitalize(own.replace("{from}", nouns[0]).replace("{to}", nouns[1])),
+        }  # fmt: skip
+    parts |= {
         "event": event, "Event": _capitalize(event), "EVENT": event.upper(),
-        "Past": _capitalize(f"{nouns[0]} {verb.past} {nouns[1]}"),
-        "Passive": _capitalize(passive or event),
-        "first": nouns[0], "First": _capitalize(nouns[0]), "second": nouns[1], "verb": verb.present,
-        "second again": f"the {names[1]}",
-        "Own": _capitalize(own.replace("{from}", nouns[0]).replace("{to}", nouns[1])),
+        "Past": _capitalize(past),
     }  # fmt: skip
-    return _fill(text, parts)
+    text = VOICES[voice]
+    for name, words in parts.items():
+        text = text.replace("{" + name + "}", words)
+    return " ".join(text.replace(" .", ".").replace("..", ".").replace(" ,", ",").split())
 
 
 def _draw_nouns(story: Story, rng: np.random.Generator) -> tuple[list[str], list[str]]:
@@ -91,24 +102,6 @@ def _draw_nouns(story: Story, rng: np.random.Generator) -> tuple[list[str], list
     if story.runner is not None:
         nouns[story.runner] += f" {_draw_one(_RUNS[story.parties[story.runner].type], rng)}"
     return names, nouns
-
-
-def _render_normal(story: Story, voice: str, rng: np.random.Generator) -> str:
-    low = _draw_one(WORDS["normal"]["nobody"], rng)
-    if story.parties:
-        low = _draw_one(WORDS["normal"]["passing"], rng).format(*_draw_nouns(story, rng)[1])
-    low, event = low[0].lower() + low[1:], _capitalize(low)
-    parts = {
-        **_render_setting(story, rng),
-        "event": low, "Event": event, "EVENT": event.upper(), "Past": event,
-    }  # fmt: skip
-    return _fill(VOICES[voice], parts)
-
-
-def _fill(text: str, parts: Mapping[str, str]) -> str:
-    for name, words in parts.items():
-        text = text.replace("{" + name + "}", words)
-    return " ".join(text.replace(" .", ".").replace("..", ".").replace(" ,", ",").split())
 
 
 def _render_setting(story: Story, rng: np.random.Generator) -> dict[str, str]:

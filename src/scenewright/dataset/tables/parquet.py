@@ -246,7 +246,7 @@ class _Part:
         self._waiting = self._schema.empty_table()
 
     def add(self, rows: list[dict[str, Any]] | dict[str, list[Any]]) -> None:
-        arrow = _import_arrow()
+        arrow = import_module("pyarrow")
         read = arrow.table if isinstance(rows, dict) else arrow.Table.from_pylist
         self._waiting = arrow.concat_tables([self._waiting, read(rows, schema=self._schema)])
         while self._waiting.num_rows >= self._group:
@@ -268,19 +268,14 @@ def require_tables() -> None:
     require_extra("tables", "a dataset", "pyarrow")
 
 
-def _import_arrow() -> Any:
-    # pyarrow has no types of its own.
-    return import_module("pyarrow")
-
-
 def import_parquet() -> Any:
-    """pyarrow's module for Parquet files."""
+    """pyarrow's module for Parquet files, which has no types of its own."""
     return import_module("pyarrow.parquet")
 
 
 def build_arrow_schema(name: str) -> Any:
     """The schema of a table as pyarrow has it, with each column's meaning."""
-    pa, lists = _import_arrow(), {"list": "string", "ids": "int16", "floats": "float64"}
+    pa, lists = import_module("pyarrow"), {"list": "string", "ids": "int16", "floats": "float64"}
     fields = [
         pa.field(
             key,

@@ -86,6 +86,12 @@ class RecordedEvents:
     implausible: tuple[Finding, ...] = ()
     avoidability: tuple[dict[str, Any], ...] = ()
 
+    @property
+    def plausible(self) -> list[Event]:
+        """The events without the collisions that the tracks themselves deny."""
+        denied = {("collision", each.time, *each.agents) for each in self.implausible}
+        return [e for e in self.events if (e.type, e.time, e.from_, e.to) not in denied]
+
 
 def examine_recording(
     tracks: ExternalTracks, *, intersection_map: IntersectionMap | None = None
