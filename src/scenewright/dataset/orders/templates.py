@@ -57,7 +57,7 @@ def _has_all(text: str, story: Story) -> bool:
 
 def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
     """The story as text in that voice."""
-    parts = {}
+    parts: dict[str, str] = {}
     if story.leaf is None:
         event = _draw_one(WORDS["normal"]["nobody"], rng)
         if story.parties:
