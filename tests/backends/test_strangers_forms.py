@@ -43,6 +43,13 @@ from scenewright.tools.account import prove
          "A pedestrian crosses and runs the red light."),
         ("A girl crosses the east crosswalk, she doesn't run, a car waits for her",
          "A pedestrian crosses on the east crosswalk."),
+        ("An LTAP/OD near miss between a car and a van", "The van comes oncoming to the car."),
+        ("LTAP-LD crash of a car and a motorcycle",
+         "The car collides with the motorcycle. The motorcycle comes on the cross street of the"),
+        ("scp near miss: car and truck", "A car goes straight. A truck goes straight. The car"),
+        ("RTIP crash: a van and a car", "The car comes on the cross street of the van."),
+        ("Left turn across path / opposite direction near miss of a taxi and a bus",
+         "The taxi narrowly misses the bus. The bus comes oncoming to the taxi."),
     ],
 )  # fmt: skip
 def test_it_is_read_as_it_is_meant(text: str, meant: str) -> None:
@@ -94,6 +101,13 @@ def test_a_change_is_read_as_it_is_meant(first: str, change: str, meant: str) ->
 )  # fmt: skip
 def test_slips_of_the_finger_are_mended(words: str, mended: str) -> None:
     assert mend_spelling(words).text == mended
+
+
+def test_a_conflict_by_its_abbreviation_is_seen_in_the_scene() -> None:
+    found = synthesize("An LTAP/LD near miss between a car and a van", seed=0, refiner="none")
+    said = {each.words: (each.state, each.claim) for each in found.proof.account}
+    assert said["LTAP"] == ("seen", "movement left")
+    assert said["LD"] == ("seen", "tie left/right")
 
 
 def test_numbers_of_two_words_are_one() -> None:

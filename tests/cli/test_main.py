@@ -524,6 +524,22 @@ def test_verify_lists_the_events_of_foreign_tracks(run: Run, tracks: Path) -> No
     )
 
 
+def test_collisions_that_foreign_tracks_deny_are_one_line(run: Run, tracks: Path) -> None:
+    """Both drive on through one another."""
+    rows = [f"{k / 10},{who},car,{x},{y}" for k in range(21, 41)
+            for who, x, y in (("red", k - 10, 0), ("blue", 0, k - 10))]  # fmt: skip
+    tracks.write_text(tracks.read_text() + "\n" + "\n".join(rows))
+    done = run("verify", "tracks.csv")
+    assert done.out.splitlines() == [
+        "tracks.csv: 2 agents, 0.0 to 4.0 s every 0.1 s: 1 implausible collision",
+        "1 is red", "2 is blue",
+        "1 collision that the tracks deny: 1 and 2 at 0.7 s (both go on as if there had been none)",
+    ]  # fmt: skip
+    given = json.loads(run("verify", "tracks.csv", "--json").out)
+    assert [event["type"] for event in given["events"]] == ["collision"]
+    assert [finding["rule"] for finding in given["findings"]] == ["implausible_collision"]
+
+
 def test_verify_reports_to_machines_about_foreign_tracks(run: Run, tracks: Path) -> None:
     done = run("verify", "tracks.csv", "--intersection", "amsterdam_120", "--json")
     given = json.loads(done.out)

@@ -9,6 +9,7 @@ import pytest
 from scenewright.cli.console import format_one_line
 from scenewright.cli.output_folder import choose_folder_name
 from scenewright.cli.scene_summary import (
+    _describe_worst,
     choose_style,
     format_verdict,
     list_choices,
@@ -17,7 +18,7 @@ from scenewright.cli.scene_summary import (
 )
 from scenewright.intersections import load_map
 from scenewright.scene.account import SaidRecord
-from scenewright.scene.events import Proof
+from scenewright.scene.events import Event, Proof
 
 ON = load_map("amsterdam_120")
 
@@ -102,3 +103,15 @@ def test_a_scene_id_is_never_a_path(scene_id: str, name: str) -> None:
 def test_one_line_cannot_steer_a_terminal() -> None:
     assert format_one_line("a\x1b[31mb\nc\u202ed\udcff") == "a [31mb c d"
     assert len(format_one_line("x" * 10_000)) == 600
+
+
+def test_what_is_worse_at_another_moment_is_said_with_time_and_place() -> None:
+    moment = {"value": 0.4, "time": 25.1, "location": (0.0, 0.0)}
+    event = Event.model_validate({
+        "type": "near_miss", "from": 1, "to": 2, "time": 20.2, "location": (0.0, 0.0),
+        "evidence": {"pet": 0.9, "clearance": 0.8, "drac": 3.0},
+        "worst": {"path_ttc": moment, "clearance": moment | {"value": 0.8}, "drac": moment},
+    })  # fmt: skip
+    (line,) = _describe_worst(event, ON)
+    where = place((0.0, 0.0), ON)
+    assert line == f"worse at another moment: path TTC 0.4 s at 25.1 s {where}"

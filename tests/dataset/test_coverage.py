@@ -74,8 +74,18 @@ def test_an_encounter_has_what_was_asked_for_and_measured(tmp_path: Path) -> Non
         "type_from": "vehicle", "type_to": "pedestrian", "subtype_from": "car",
         "movement_from": "straight", "movement_to": "crossing", "entry_from": "south",
         "entry_to": "east", "crosswalk": "north", "junction": "here", "density": "as usual",
-        "hour": 8.0, "agents": 2,
+        "hour": 8.0, "agents": 2, "time": 2.0,
     }  # fmt: skip
+    # Where the moment of the PET is known, speeds are those at its place, not at the event's time.
+    moment = {"value": 1.2, "time": 2.6, "location": [5.0, 0.0]}
+    scene["agents"][0]["trajectory"][8:12] = [[4.0, 0], [4.5, 0], [5.0, 0], [5.5, 0]]
+    worst = {"path_ttc": {"value": 0.4, "time": 3.1, "location": [6.0, 0.0]}}
+    (event,) = proof["events"]
+    told = proof | {"events": [event | {"when": {"pet": moment}, "worst": worst}]}
+    (found,) = list_encounters(scene, told)
+    assert (found["time"], found["pet_time"], found["ttc_time"]) == (2.0, 2.6, None)
+    assert (found["worst_ttc"], found["worst_ttc_time"]) == (0.4, 3.1)
+    assert found["speed_from"] == pytest.approx(5.0)
     assert list_encounters(scene, proof | {"events": []})[0]["event"] == "normal"
 
 
@@ -168,6 +178,30 @@ def test_a_batch_of_the_fill_closes_the_gaps(
     assert main([*cover, "--fill", "fill.jsonl"]) == 1
     assert main(["batch", "fill.jsonl", *make, "second"]) == 0
     assert main([*cover, "second"]) == 0
+    # The fill joins the dataset, which is one again: in order, complete, gone on with as before.
+    before = {path.name: path.read_bytes() for path in Path("first/a").iterdir()}
+    assert main(["dataset", "join", "first", "second"]) == 0
+    assert main(cover) == 0
+    assert main(["dataset", "check", "first"]) == 0
+    assert main(["dataset", "check", "second"]) == 0
+    assert {path.name: path.read_bytes() for path in Path("first/a").iterdir()} == before
+    card = Path("first/README.md").read_bytes()
+    assert b"| instructions given | 5 |" in card
+    Path("first/a/scene.json").unlink()
+    assert main(["batch", "rows.jsonl", *make, "first"]) == 0
+    assert main(["dataset", "check", "first"]) == 0
+    assert Path("first/README.md").read_bytes() == card
+    # Nothing joins twice, no id is given twice, and what is damaged joins nothing.
+    manifest = Path("first/manifest.json").read_bytes()
+    assert main(["dataset", "join", "first", "second"]) == 2
+    Path("goals.yaml").write_text("dimensions: [{cover: event, values: [yielding], least: 3}]\n")
+    assert main([*cover, "--fill", "fill.jsonl"]) == 1
+    assert main(["batch", "fill.jsonl", *make, "third"]) == 0
+    (made,) = Path("third").glob("fill-*")
+    assert not (Path("first") / made.name).exists()
+    (made / "proof.json").write_bytes(b"{}")
+    assert main(["dataset", "join", "first", "third"]) == 2
+    assert Path("first/manifest.json").read_bytes() == manifest
 
 
 def test_a_sweep_says_which_feasible_values_were_measured(

@@ -29,7 +29,7 @@ from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import build_paper_order, fill
 from scenewright.dataset.orders.scenario_spec import Party, Story, draw_minute, list_parties
 from scenewright.dataset.orders.templates import VOICES, list_voices, render_text
-from scenewright.dataset.orders.wording import BOOK, Book
+from scenewright.dataset.orders.wording import BOOK, Book, WordingTask, word_by_templates
 from scenewright.dataset.orders.writers import BuiltinWriter, ModelWriter, StoryRequest, TextReader
 from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import BackendFault, InputError
@@ -94,7 +94,8 @@ def test_an_order_without_a_count_of_a_kind_is_refused(text: str) -> None:
         ("2 collisions at 8 am and 2 yields at 11 pm", "one time of day, this one 8 am and 11 pm"),
         ("4 collisions in the morning and 4 yields at noon", "one time of day"),
         ("10 collisions and 10 purple elephants", "no scene can have: 'elephants'"),
-        ("7 collisions and 6 yields, classes and hours balanced", "no shares .'balanced'"),
+        ("7 collisions and 6 yields, classes and hours balanced", "cannot balance 'classes'"),
+        ("10 collisions, 20 percent of them in fog", "no shares .'percent'"),
     ],
 )
 def test_nothing_of_an_order_is_dropped(text: str, reason: str) -> None:
@@ -123,6 +124,45 @@ def test_patterns_are_dealt_out_evenly() -> None:
     first = Counter(slot.leaves[0] for slot in build_slots(wish, seed=1, places=["amsterdam_120"]))
     assert set(first) == set(wish.quotas[0].leaves)
     assert max(first.values()) - min(first.values()) <= 1
+
+
+def test_what_an_order_leaves_open_has_equal_shares() -> None:
+    wish = read_order("300 safety critical events, places and times of day balanced")
+    assert {quota.event: quota.count for quota in wish.quotas} == {
+        "collision": 75, "near_miss": 75, "yielding": 75, "follow": 75,
+    }  # fmt: skip
+    places = ["a", "b", "c", "d"]
+    for text in ("300 safety critical events", "1 of each pattern", "3 of each pattern"):
+        slots = list(build_slots(read_order(text), seed=1, places=places))
+        used = Counter(slot.intersection for slot in slots)
+        assert max(used.values()) - min(used.values()) <= 1
+        hours = Counter(int(4 * slot.share) for slot in slots)
+        assert max(hours.values()) - min(hours.values()) <= max(2, 0.1 * len(slots))
+    by_pattern = Counter((slot.leaves[0], slot.intersection) for slot in slots)
+    assert set(by_pattern.values()) == {1}
+    rush = read_order("8 yields at rush hour")
+    minutes = [
+        draw_minute(rush.windows, np.random.default_rng(0), slot.share)
+        for slot in build_slots(rush, seed=1, places=places)
+    ]
+    assert sum(390 <= minute < 600 for minute in minutes) in (3, 4)  # of 210 and 240 minutes
+
+
+def test_times_as_in_traffic_are_left_to_the_traffic() -> None:
+    wish = read_order("3 near misses, times of day as in traffic")
+    assert (wish.even, wish.windows) == (False, ())
+    (slot, *_) = build_slots(wish, seed=0, places=["amsterdam_120"])
+    entry = word_by_templates(WordingTask(replace(slot, attempts=1), wish, OPTIONS, ()))
+    assert (entry.time, entry.context) == (None, {})
+
+
+def test_a_text_without_a_time_has_its_share_of_the_day_all_the_same() -> None:
+    wish = read_order("40 near misses")
+    slots = [replace(each, attempts=1) for each in build_slots(wish, seed=0, places=[ON.name])]
+    entries = [word_by_templates(WordingTask(each, wish, OPTIONS, ())) for each in slots[::4]]
+    untold = [each for each in entries if each.context]
+    assert 0 < len(untold) < len(entries)
+    assert all(each.context == {"time_of_day": each.time} for each in untold)
 
 
 def test_every_pattern_can_be_worded_in_many_voices() -> None:
@@ -355,7 +395,7 @@ def driving(party: dict[str, Any], vehicle: str) -> str:
 def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """First texts tell another story; two are mended, one is worded by a builtin voice."""
+    """First texts tell another story; three are mended, one is worded by a builtin voice."""
     manners = iter(range(99))
 
     def reply(question: Question) -> dict[str, str]:
@@ -369,15 +409,15 @@ def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     answers = tmp_path / "answers.jsonl"
     kept = record_answers(dict.fromkeys(TASKS, model), answers)["plan"]
     monkeypatch.setattr(writers, "load_speaking_backend", lambda *_: kept)
-    report = fill(order(tmp_path / "first", "3 follows at 5 am in light traffic", writer="x:y"))
+    report = fill(order(tmp_path / "first", "4 follows at 5 am in light traffic", writer="x:y"))
     assert report["filled"]
     assert report["by the builtin writer"] == 1
     monkeypatch.undo()
     run_jobs_inline(monkeypatch)
-    words = ["agent", "3 follows at 5 am in light traffic", "--writer", f"recorded:{answers}"]
+    words = ["agent", "4 follows at 5 am in light traffic", "--writer", f"recorded:{answers}"]
     out = tmp_path / "again"
     assert main([*words, "--refiner", "none", "--out", str(out), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["scenes"] == 3
+    assert json.loads(capsys.readouterr().out)["scenes"] == 4
     texts = [json.loads(line)["text"] for line in (out / "order.jsonl").read_text().splitlines()]
     first = (tmp_path / "first" / "order.jsonl").read_text().splitlines()
     assert texts == [json.loads(line)["text"] for line in first]

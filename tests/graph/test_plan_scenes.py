@@ -149,6 +149,13 @@ def test_a_sweep_makes_what_can_be_and_says_why_the_rest_cannot(
             assert row["status"] == "made"
             proof = json.loads((out / row["folder"] / "proof.json").read_text("utf-8"))
             assert abs(proof["events"][0]["evidence"]["pet"] - 0.8) <= 0.15
+            (event,) = proof["events"]
+            assert row["relations[0].target_pet measured"] == row["pet"]
+            assert float(row["pet"]) == event["evidence"]["pet"]
+            assert float(row["pet_time"]) == event["when"]["pet"]["time"]
+            assert (row["event"], float(row["time"])) == ("near_miss", event["time"])
+            assert float(row["worst_ttc"]) == event["worst"]["path_ttc"]["value"]
+            assert float(row["speed_from"]) > 0.5
             assert {"subtype " + row["agents[0].subtype"], "target_pet 0.8"} <= {
                 each["words"] for each in proof["account"]
             }

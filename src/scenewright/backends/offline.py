@@ -8,7 +8,13 @@ from __future__ import annotations
 from scenewright.backends.builtin.draft import build_site
 from scenewright.backends.builtin.named import CLASSES, Named, find_named
 from scenewright.backends.builtin.planner import plan
-from scenewright.backends.builtin.reader.words import VOCABULARY, WORDS, compile_words, fill_in
+from scenewright.backends.builtin.reader.words import (
+    VOCABULARY,
+    WORDS,
+    compile_words,
+    fill_in,
+    time_words_in,
+)
 from scenewright.backends.builtin.references import ORDINALS, build_clarification, read_choice
 from scenewright.backends.builtin.revising import begins_anew, read
 from scenewright.backends.builtin.turn_intent import rank_intents
@@ -29,4 +35,5 @@ __all__ = [
     "rank_intents",
     "read",
     "read_choice",
+    "time_words_in",
 ]  # fmt: skip

@@ -59,8 +59,8 @@ def run_agent(
 ) -> Result:
     """Fill an order such as `40 collisions and 50 yields at rush hour`.
 
-    Writes instructions in the manner of many writers, evenly over the patterns that there are,
-    has the scenes made, and words anew or replaces what is refused, within the budget. Killed, the
+    Writes instructions in the manner of many writers, evenly over patterns, places and hours, has
+    the scenes made, and words anew or replaces what is refused, within the budget. Killed, the
     same command goes on. Exit code 3 if the order could not be filled; what there is stays.
     """
     from scenewright.dataset.orders.agent import Order

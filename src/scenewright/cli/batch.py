@@ -76,7 +76,7 @@ class SceneOptions(Asked):
 
     def choose_work(self) -> dict[str, Any]:
         """The fields of a request or an order that say how it is worked on."""
-        from scenewright.dataset.batch.run import ROW_TIMEOUT
+        from scenewright.dataset.batch.carry_out import ROW_TIMEOUT
 
         limit = ROW_TIMEOUT if self.row_timeout is None else self.row_timeout
         workers = count_cores() if self.workers is None else self.workers
@@ -151,7 +151,7 @@ def make_batch(
         return Result({"dry_run": True, **found}, text)
     with show_batch_progress(quiet=quiet, out=out) as log:
         summary = run_batch(request, log=log)
-    for name in exports or () if summary.made else ():
+    for name in exports or () if summary.counts.get("made") else ():
         export(list_scenes(request.out), name, request.out / EXPORTS / name)
     return show_summary(summary, {"out": out}, f"{out}\n")
 

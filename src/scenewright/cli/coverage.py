@@ -54,7 +54,8 @@ def show_coverage(
         "items": list(map(to_json, shown)),
     }
     if fill is not None:
-        rows, left = build_fill(covered, encounters)
+        taken = {each.name for name in folders for each in Path(name).rglob("fill-*")}
+        rows, left = build_fill(covered, encounters, taken=taken)
         write_atomically(fill, "".join(json.dumps(row) + "\n" for row in rows).encode())
         found |= {"fill": len(rows), "not_askable": left}
     if junit is not None:

@@ -101,6 +101,19 @@ def check(
     )
 
 
+@dataset.command("join")
+def join(
+    folder: Folder,
+    other: str = argument(..., "Dataset whose rows join it, such as a fill's.", metavar="OTHER"),
+) -> None:
+    """Add the scenes and refusals of another dataset to one; OTHER stays as it is."""
+    from scenewright.dataset.batch.finish import join_dataset
+
+    rows = join_dataset(Path(folder), Path(other))
+    log_line(format_one_line(f"{count(rows, 'row')} of {other} joined {folder}"))
+    write_stdout(f"{folder}\n")
+
+
 @dataset.command("key")
 def make_key(
     file: str = argument(..., "Secret key to write.", metavar="FILE"),

@@ -24,6 +24,10 @@ VERBS = {
     "collision": "collides with",
     "near_miss": "has a near miss with",
 }
+_FIGURES = {"pet": ("PET", "s"), "path_ttc": ("path TTC", "s"), "ttc_2d": ("straight TTC", "s"),
+            "clearance": ("clearance", "m"), "drac": ("DRAC", "m/s²")}  # fmt: skip
+SAME_MOMENT = 0.25
+"""A figure measured this close [s] to the time of its event is said without a time of its own."""
 KERB = 1.0
 """How far [m] outside a crosswalk a place still counts as on it."""
 
@@ -38,6 +42,7 @@ def summarize_scene(scene: SceneRecord, proof: Proof) -> list[str]:
         for event in proof.events
         for line in (
             describe_event(event, scene, intersection_map),
+            *_describe_worst(event, intersection_map),
             *describe_avoidability(event, figures, names),
         )
     ]
@@ -99,12 +104,27 @@ def describe_event(event: Event, scene: SceneRecord, intersection_map: Intersect
     """One event: its agents, its type, its time and place."""
     first, second = (name_agent(scene, each) for each in (event.from_, event.to))
     kind = f" ({event.kind.replace('_', ' ')})" if event.kind else ""
-    pet = event.evidence.get("pet")
-    gap = f", {pet:.1f} s apart" if isinstance(pet, float) else ""
+    gap, moment = "", event.when.get("pet")
+    if isinstance(pet := event.evidence.get("pet"), float):
+        gap = f", {pet:.1f} s apart"
+    if moment is not None and abs(moment.time - event.time) > SAME_MOMENT:
+        gap += f" {place(moment.location, intersection_map)} at {moment.time:.1f} s"
     return (
         f"{event.time:.1f} s: {first} {VERBS[event.type]} {second}{kind}, "
         f"{place(event.location, intersection_map)}{gap}"
     )
+
+
+def _describe_worst(event: Event, intersection_map: IntersectionMap) -> list[str]:
+    """Figures of the two that are worse at another moment than in their event, in one line."""
+    worse = event.list_worse()
+    said = [
+        f"{words} {worse[name].value:.1f} {unit} at {worse[name].time:.1f} s "
+        f"{place(worse[name].location, intersection_map)}"
+        for name, (words, unit) in _FIGURES.items()
+        if name in worse
+    ]
+    return [f"worse at another moment: {', '.join(said)}"] if said else []
 
 
 def describe_avoidability(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from scenewright.cli.console import count, format_columns, format_one_line, shorten
-from scenewright.cli.scene_summary import describe_avoidability
+from scenewright.cli.scene_summary import SAME_MOMENT, describe_avoidability
 from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.external_events import ExternalTracks, RecordedEvents
 
@@ -54,7 +55,8 @@ class CheckedTracks:
             "events": [event.model_dump(mode="json", by_alias=True) for event in self.found.events],
             "avoidability": list(self.found.avoidability),
             "findings": [
-                finding.model_dump(mode="json") for finding in (*self.found.contacts, *self.off_map)
+                finding.model_dump(mode="json")
+                for finding in (*self.found.contacts, *self.found.implausible, *self.off_map)
             ],
             "notes": list(self.tracks.notes),
         }
@@ -94,25 +96,37 @@ def _build_agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
 def format_tracks_report(checked: CheckedTracks) -> str:
     """What was read, a table of the events, what would have avoided them, and what else is odd."""
     titles = ("event", "from", "to", "time", "place", "evidence")
-    rows = [_build_row(event, checked.tracks) for event in checked.found.events]
+    events = checked.found.plausible
+    rows = [_build_row(event, checked.tracks) for event in events]
     listed = format_columns(titles, rows, right={"time", "place"}) if rows else ""
     names = {n: str(n) for n in checked.tracks.names}
     avoided = [
         f"{event.from_} and {event.to} at {event.time:.1f} s, {line}"
-        for event in checked.found.events
+        for event in events
         for line in describe_avoidability(event, checked.found.avoidability, names)
     ]
     contacts = [finding.detail for finding in checked.found.contacts]
-    below = [*_format_legend(checked), *shorten(avoided, SHOWN), *shorten(contacts, SHOWN),
+    below = [*_format_legend(checked), *_format_implausible(checked.found.implausible),
+             *shorten(avoided, SHOWN), *shorten(contacts, SHOWN),
              *(finding.detail for finding in checked.off_map)]  # fmt: skip
     said = "".join(format_one_line(line) + "\n" for line in below)
     return _format_headline(checked) + listed + said
 
 
+def _format_implausible(found: Sequence[Finding]) -> list[str]:
+    if not found:
+        return []
+    which = ", ".join(each.detail for each in found[:SHOWN])
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    return [f"{count(len(found), 'collision')} that the tracks deny: {which}{more}"]
+
+
 def _format_headline(checked: CheckedTracks) -> str:
     users, step = checked.tracks.users, checked.tracks.step
     start, end = min(u.track.start for u in users), max(u.track.end for u in users)
-    counts = Counter(event.type.replace("_", " ") for event in checked.found.events)
+    counts = Counter(event.type.replace("_", " ") for event in checked.found.plausible)
+    if checked.found.implausible:
+        counts["implausible collision"] = len(checked.found.implausible)
     if checked.found.contacts:
         counts["contact without a collision"] = len(checked.found.contacts)
     found = ", ".join(f"{n} {name}" for name, n in sorted(counts.items())) or "no events"
@@ -135,14 +149,14 @@ def _build_row(event: Event, tracks: ExternalTracks) -> tuple[str, ...]:
 
 def format_evidence(event: Event) -> str:
     """The figures of an event that say most."""
-    measured = (
-        (words, event.evidence.get(key), unit) for words, key, unit in _MEASURES[event.type]
-    )
-    return ", ".join(
-        f"{words} {value:.1f} {unit}"
-        for words, value, unit in measured
-        if isinstance(value, int | float)
-    )
+    said = []
+    for words, key, unit in _MEASURES[event.type]:
+        if isinstance(value := event.evidence.get(key), int | float):
+            moment = event.when.get(key)
+            other = moment is not None and abs(moment.time - event.time) > SAME_MOMENT
+            when = f" at {moment.time:.1f} s" if moment is not None and other else ""
+            said.append(f"{words} {value:.1f} {unit}{when}")
+    return ", ".join(said)
 
 
 def _format_legend(checked: CheckedTracks) -> list[str]:

@@ -109,7 +109,9 @@ def _drive_agent(drive: Drive, k: int) -> AgentRecord | None:
 def _write_events(record: SceneRecord, proof: Proof) -> SceneRecord:
     """The scene with the events found; where there are none one row says so."""
     rows = [
-        EventRecord.model_validate(event.model_dump(by_alias=True, exclude={"evidence"}))
+        EventRecord.model_validate(
+            event.model_dump(by_alias=True, include=set(EventRecord.model_fields))
+        )
         for event in proof.events
     ] or [
         EventRecord.model_validate(

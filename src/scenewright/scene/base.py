@@ -35,7 +35,7 @@ Point = tuple[float, float]
 
 def is_left_out(value: object) -> bool:
     """Whether an optional field is empty, so that files do not hold it."""
-    return value is None or value == ()
+    return value is None or value in ((), {})
 
 
 class Model(BaseModel):

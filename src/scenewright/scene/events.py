@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from scenewright.scene.account import AccountEntry, WordState
-from scenewright.scene.base import Model, Point
+from scenewright.scene.base import Model, Point, is_left_out
 from scenewright.scene.social import CollisionKind
 
 EventType = Literal["collision", "near_miss", "yielding", "follow"]
@@ -26,6 +27,14 @@ EVENT_OF_RELATION: dict[str, EventType] = {
 RELATION_OF_EVENT = {str(event): relation for relation, event in EVENT_OF_RELATION.items()}
 
 
+class Moment(Model):
+    """A measured figure, and when [s] and where [m] it was measured."""
+
+    value: float
+    time: float
+    location: Point
+
+
 class Event(Model):
     """One encounter of two agents (SEMANTICS section 4).
 
@@ -35,6 +44,10 @@ class Event(Model):
         kind: of a collision.
         cause: `red_light_run`, `late_brake`, ... where one is seen.
         evidence: the measured figures that decided (pet, clearance, speeds, ...).
+        when: figure of the evidence -> its moment, where that need not be the event's: a PET is
+            that of the arrival of the later one, at the place that both touch.
+        worst: figure -> its worst value between the two over the whole scene; of encounters without
+            contact that were asked for.
     """
 
     type: EventType
@@ -45,6 +58,20 @@ class Event(Model):
     kind: CollisionKind | None = None
     cause: str | None = None
     evidence: dict[str, Any] = Field(default_factory=dict)
+    when: dict[str, Moment] = Field(default_factory=dict, exclude_if=is_left_out)
+    worst: dict[str, Moment] = Field(default_factory=dict, exclude_if=is_left_out)
+
+    def list_worse(self) -> dict[str, Moment]:
+        """Figures that are worse at another moment of the scene than in the event itself.
+
+        Of those that the event has, and of times to collision, where it came to none.
+        """
+        own = {"path_ttc": math.inf, "ttc_2d": math.inf} | self.evidence
+        return {
+            name: each
+            for name, each in self.worst.items()
+            if name in own and (-1 if name == "drac" else 1) * (each.value - own[name]) < 0.0
+        }
 
 
 class Finding(Model):

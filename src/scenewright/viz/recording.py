@@ -463,7 +463,8 @@ def _format_events(events: tuple[Event, ...], names: Mapping[int, str]) -> list[
     rows = ["| event | time | evidence |", "|---|---|---|"]
     for event in events:
         evidence = ", ".join(
-            f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {make_printable(str(v), limit=80)}"
+            (f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {make_printable(str(v), limit=80)}")
+            + (f" at {event.when[k].time:.2f} s" if k in event.when else "")
             for k, v in event.evidence.items()
         )
         action = _describe_event(event, names)

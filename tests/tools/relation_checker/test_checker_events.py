@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -26,7 +28,7 @@ from checker_tracks import (
     yielding_car,
 )
 from scenewright.scene.track import Shape
-from scenewright.tools.relation_checker import RoadUser, find_events
+from scenewright.tools.relation_checker import RoadUser, find_events, observe
 
 
 def summary(users: list[RoadUser], **more: object) -> list[tuple[str, int, int]]:
@@ -278,3 +280,34 @@ def test_standing_agents_are_met_at_no_lag() -> None:
     parked = line(1, (0.0, 0.0), EAST, np.zeros(150))
     other = line(2, (0.0, -40.0), NORTH, distance(8.0, (0.0, 8.0)))
     assert summary([parked, other]) == [("collision", 2, 1)]
+
+
+def test_a_figure_says_when_and_where_it_was_measured() -> None:
+    (event,) = find_events(crossing(1.5))
+    arrival, closest = event.when["pet"], event.evidence["clearance"]
+    assert arrival.value == event.evidence["pet"]
+    # The second arrives after both were closest, at the place that the first had left by then.
+    assert event.time + 0.3 < arrival.time < event.time + event.evidence["pet"] + 0.5
+    assert np.hypot(*arrival.location) < 2.0 < np.hypot(*event.location) + closest
+    assert event.worst == {}  # no relation binds the two
+
+
+def test_what_is_worse_after_the_event_is_told_beside_it() -> None:
+    # The first crosses before the second, comes round and meets it again head on, braking gently.
+    corners = np.array([(-60, 0), (30, 0), (30, 70), (0, 70), (0, 0)], dtype=float)
+    ways = [np.linspace(a, b, 2000)[:-1] for a, b in pairwise(corners)]
+    way = float(np.hypot(*np.diff(corners[:-1], axis=0).T).sum()) + 16.0
+    first = along(1, np.concatenate(ways), distance(6.0, (0.0, way / 6.0), (-2.0, 3.0)))
+    second = line(2, (0.0, -60.0), NORTH, distance(6.0, (0.0, 15.0), (-1.8, 3.4), (0.0, 30.0)),
+                  at=1.2)  # fmt: skip
+    users = [first, second]
+    events = observe(users, asked=[(1, 2)], detailed={1, 2}).events
+    (event,) = (each for each in events if each.type == "near_miss")
+    assert event.time < 15.0
+    worse = event.list_worse()
+    assert worse.keys() == {"path_ttc", "ttc_2d", "drac"}
+    assert "path_ttc" not in event.evidence
+    assert worse["path_ttc"].value < 2.0
+    assert worse["path_ttc"].time > 30.0
+    assert worse["path_ttc"].location[1] == pytest.approx(45.0, abs=6.0)
+    assert event.worst["pet"].value <= event.evidence["pet"]

@@ -151,7 +151,9 @@ def labelled(record: SceneRecord, *changes: dict[str, Any] | None) -> SceneRecor
     """With the events of its proof as rows; None leaves a row out."""
     events = check(record).events
     rows = [
-        EventRecord.model_validate(e.model_dump(by_alias=True, exclude={"evidence"}) | change)
+        EventRecord.model_validate(
+            e.model_dump(by_alias=True, include=set(EventRecord.model_fields)) | change
+        )
         for e, change in zip(events, changes, strict=True)
         if change is not None
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -131,6 +132,25 @@ def test_a_contact_too_slow_for_a_collision_is_told() -> None:
     assert contact.time == pytest.approx(6.0, abs=0.01)
     assert "touch at 6.0 s at 0.9 m/s" in contact.detail
     assert "overlap by up to 0.45 m" in contact.detail
+
+
+def test_a_collision_that_the_tracks_deny_is_told_as_such() -> None:
+    crash = distance(10.0, (0.0, 4.7), (-8.0, 1.25), (0.0, 3.0))
+    stopping = [line(1, (-50.0, 0.0), EAST, crash), line(2, (0.0, -50.0), NORTH, crash)]
+    found = examine_recording(read_tracks(as_csv(stopping), name="a.csv"))
+    assert [each.type for each in found.events] == ["collision"]
+    assert found.implausible == ()
+    found = examine_recording(read_tracks(as_csv(crossing(0.0)), name="a.csv"))
+    (event,), (doubt,) = found.events, found.implausible
+    assert (doubt.rule, doubt.agents) == ("implausible_collision", (event.from_, event.to))
+    assert doubt.detail.endswith("(both go on as if there had been none)")
+    rng = np.random.default_rng(0)
+    noisy = []
+    for user in stopping:
+        xy = user.track.xy + rng.normal(0.0, 0.2, user.track.xy.shape)
+        noisy.append(RoadUser(user.id, replace(user.track, xy=xy), user.shape))
+    (doubt,) = examine_recording(read_tracks(as_csv(noisy), name="a.csv")).implausible
+    assert "one moves with " in doubt.detail
 
 
 def test_footprints_that_overlap_from_the_beginning_are_told() -> None:

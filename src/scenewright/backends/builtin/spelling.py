@@ -8,18 +8,34 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from itertools import chain
 
+from scenewright.backends.builtin.reader.words import WORDS
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.english import load_english_words
 from scenewright.scene.relations import load_patterns
 
 _WORD = re.compile(r"(?<![\w'’])[A-Za-z]{3,}(?![\w'’])")
+_TYPOLOGIES: list[tuple[re.Pattern[str], str]] = [
+    (re.compile(each, re.I), said) for each, said in WORDS["spelling"]["typologies"]
+]
+_CONFLICT = "|".join(each.pattern for each, _ in _TYPOLOGIES)
+_PIECE = re.compile(rf"\b(?P<conflict>{_CONFLICT})\b|{_WORD.pattern}", re.IGNORECASE)
 
 
 def mend_spelling(text: str) -> RewrittenText:
-    """The text with every word that is no English one put right, if one slip explains it."""
-    slips = ((m.start(), m.end(), _mend_word(m[0].lower())) for m in _WORD.finditer(text))
+    """The text with conflicts of crash typologies in plain words, and slips put right.
+
+    A slip is a word that is no English one, where one slip of the finger explains it.
+    """
+    slips = [
+        (m.start(), m.end(), _write_out(m[0]) if m["conflict"] else _mend_word(m[0].lower()))
+        for m in _PIECE.finditer(text)
+    ]
     worded, pieces = replace_pieces(text, ((a, b, word) for a, b, word in slips if word))
     return RewrittenText(worded, text, pieces)
+
+
+def _write_out(words: str) -> str:
+    return next(said for each, said in _TYPOLOGIES if each.fullmatch(words))
 
 
 @lru_cache(maxsize=4096)

@@ -15,12 +15,10 @@ from filelock import FileLock, Timeout
 
 from scenewright.backends import Backend, Question, Task, load_backend
 from scenewright.backends.choosing import StagedBackend
-from scenewright.errors import InputError
 
 Names = tuple[str, ...]
 """Backends as the command line names them: one name, or STAGE=NAME several times."""
 BUILTIN: Names = ("builtin",)
-MOST_AT_ONCE = 256
 _PAUSE = 0.02
 
 
@@ -45,13 +43,8 @@ PLAINLY = Asking()
 """Nothing recorded, no limit on questions at once."""
 
 
-def label(names: Names) -> str:
-    """A backend's name in tables and journals."""
-    return ", ".join(names)
-
-
 def make_plain_name(names: Names) -> str:
-    """The same as part of the names of files and rows, without company or folder."""
+    """A backend as part of the names of files and rows, without company or folder."""
     plain = []
     for name in names:
         kind, colon, rest = name.partition(":")
@@ -88,17 +81,6 @@ def load_speaking_backend(
 def find_url(names: Sequence[str], base_url: str | None) -> str | None:
     """The endpoint, for those that have one."""
     return base_url if any("openai:" in name for name in names) else None
-
-
-def check_asking(asking: Asking, *, one_machine: bool) -> None:
-    """InputError where an option of how to ask cannot be used."""
-    if asking.at_once is not None and not 1 <= asking.at_once <= MOST_AT_ONCE:
-        raise InputError(f"--at-once is a number from 1 to {MOST_AT_ONCE}, got {asking.at_once}")
-    if one_machine:
-        return
-    for name, value in (("--record", asking.record), ("--at-once", asking.at_once)):
-        if value is not None:
-            raise InputError(f"{name} works on one machine: leave it out with --engine ray")
 
 
 def _make_take_turns(backend: Backend, turns: Sequence[Path]) -> Backend:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from scenewright.dataset.batch.finish import ABOUT
 from scenewright.dataset.batch.manifest import MANIFEST, hash_files, is_as_written, read_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
 from scenewright.dataset.batch.worker import FILES
@@ -26,11 +27,6 @@ from scenewright.dataset.tables.parquet import (
 from scenewright.errors import InputError
 from scenewright.graph.run import verify
 
-ABOUT = (
-    "row", "folder", "status", "code", "reason", "text", "asked", "voice", "split", "seed",
-    "intersection", "backend", "refiner", "selection", "attempts",
-)  # fmt: skip
-"""Columns of `scenes` and `refused` that the scenes' files lack, always or at times."""
 _ASIDE = re.compile(
     r"\..*|(evaluation|exports)/.*|journal(-\d+-of-\d+)?\.jsonl|"
     r"manifest\.json\.minisig"
@@ -89,15 +85,17 @@ def audit_dataset(
         if name.endswith("/scene.json") and name not in outside
     ]
     faults += _find_table_faults(folder, manifest)
-    checked = list(_check_scenes(folder, scenes, workers=workers, log=log))
-    faults += [fault for fault in checked if fault is not None]
-    return Audit(
-        files=len(files),
-        scenes=len(scenes),
-        verified=sum(fault is None for fault in checked),
-        complete=bool(manifest.get("complete")),
-        faults=tuple(faults[:_MOST]),
-    )
+    jobs, verified = [str(folder / scene) for scene in scenes], 0
+    one = ((job, check_again(job)) for job in jobs)
+    results = one if workers == 1 else spread(jobs, check_again, workers=workers)
+    for count, (job, result) in enumerate(results, start=1):
+        log(count, len(jobs))
+        verified += result is None
+        if result is not None:
+            what = "the checker died of it" if isinstance(result, Died | Overdue) else result
+            faults.append(AuditFault(Path(job).name, what))
+    complete = bool(manifest.get("complete"))
+    return Audit(len(files), len(scenes), verified, complete, tuple(faults[:_MOST]))
 
 
 def _hash_faults(folder: Path, files: Mapping[str, str]) -> Iterator[AuditFault]:
@@ -133,7 +131,10 @@ def _find_table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Au
     Datasets of earlier versions have fewer tables, and fewer columns.
     """
     with tempfile.TemporaryDirectory(prefix="scenewright-", ignore_cleanup_errors=True) as again:
-        yield from _compare_rebuilt(folder, Path(again), manifest)
+        try:
+            yield from _compare_rebuilt(folder, Path(again), manifest)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            yield AuditFault("tables/scenes", f"cannot be compared with the scenes: {error}")
         for name in TABLES:
             if list_table_files(folder / "tables", name):
                 yield from _compare_tables(folder, Path(again), name, manifest)
@@ -143,37 +144,28 @@ def _compare_rebuilt(
     folder: Path, again: Path, manifest: Mapping[str, Any]
 ) -> Iterator[AuditFault]:
     """Writes the tables anew from the scenes."""
-    try:
-        counts = Counter[str]()
-        with TableWriter(again) as writer:
-            for name in ("scenes", "refused"):
-                for row in read_table(folder / "tables", name, ABOUT):
-                    place = row.get("folder")
-                    if place is not None and (place in ("", "..") or Path(place).name != place):
-                        raise ValueError(f"{place!r} is no folder of a scene")
-                    found = SceneFiles.read(folder, row)
-                    writer.add(found)
-                    counts[row.get("status", "made")] += 1
-                    yield from _find_strayed(found)
-        for status in ("made", "refused", "failed"):
-            stated, there = manifest["rows"].get(status), counts[status]
-            if stated != there:
-                what = f"counts {stated} rows {status}, the table scenes has {there}"
-                yield AuditFault(MANIFEST, what)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        yield AuditFault("tables/scenes", f"cannot be compared with the scenes: {error}")
-
-
-def _find_strayed(files: SceneFiles) -> Iterator[AuditFault]:
-    """Where a row's folder holds the scene of another row."""
-    if files.scene is None or files.provenance is None:
-        return
-    meta = files.scene["meta"]
-    held = {"text": meta["user_prompt"], "seed": meta["seed"], "row": files.provenance["row"]}
-    for key in (key for key, value in held.items() if value != files.about[key]):
-        what = f"is the scene of another row: its {key} differs"
-        yield AuditFault(str(files.about["folder"]), what)
-        return
+    counts = Counter[str]()
+    with TableWriter(again) as writer:
+        for name in ("scenes", "refused"):
+            for row in read_table(folder / "tables", name, ABOUT):
+                place = row.get("folder")
+                if place is not None and (place in ("", "..") or Path(place).name != place):
+                    raise ValueError(f"{place!r} is no folder of a scene")
+                found = SceneFiles.read(folder, row)
+                writer.add(found)
+                counts[row.get("status", "made")] += 1
+                if found.scene is None or found.provenance is None:
+                    continue
+                meta, own = found.scene["meta"], found.provenance["row"]
+                held = {"text": meta["user_prompt"], "seed": meta["seed"], "row": own}
+                if others := [key for key, value in held.items() if value != row[key]]:
+                    what = f"is the scene of another row: its {others[0]} differs"
+                    yield AuditFault(str(place), what)
+    for status in ("made", "refused", "failed"):
+        stated, there = manifest["rows"].get(status), counts[status]
+        if stated != there:
+            what = f"counts {stated} rows {status}, the table scenes has {there}"
+            yield AuditFault(MANIFEST, what)
 
 
 def _compare_tables(
@@ -199,18 +191,6 @@ def _compare_tables(
         yield AuditFault(f"tables/{name}", f"has {counted} rows, the manifest says {stated}")
 
 
-def _check_scenes(
-    folder: Path, scenes: list[str], *, workers: int, log: Callable[[int, int], None]
-) -> Iterator[AuditFault | None]:
-    jobs = [str(folder / scene) for scene in scenes]
-    one = ((job, check_again(job)) for job in jobs)
-    results = one if workers == 1 else spread(jobs, check_again, workers=workers)
-    for count, (job, result) in enumerate(results, start=1):
-        log(count, len(jobs))
-        what = "the checker died of it" if isinstance(result, Died | Overdue) else result
-        yield None if what is None else AuditFault(Path(job).name, what)
-
-
 def check_again(place: str) -> str | None:
     """What is wrong with a scene's folder; None if the checker finds what its proof says."""
     folder = Path(place)
@@ -223,8 +203,20 @@ def check_again(place: str) -> str | None:
         return f"cannot be checked: {error}"
     if not proof["verified"]:
         return "is not verified by the checker"
-    if "scene_digest" not in written:  # made before proofs named what they prove
-        del proof["scene_digest"]
-    # Proofs of earlier versions do not say what the figures asked for measured.
-    older = proof | {"figures": {k: v for k, v in proof["figures"].items() if k != "measures"}}
-    return None if written in (proof, older) else "has another proof than the checker's"
+    return None if _says_the_same(written, proof) else "has another proof than the checker's"
+
+
+_LATER = {"scene_digest", "measures", "when", "worst"}
+"""What proofs of earlier versions do not say."""
+
+
+def _says_the_same(written: Any, found: Any) -> bool:
+    """Whether two proofs are alike but for what an earlier version did not write."""
+    if isinstance(written, dict) and isinstance(found, dict):
+        lacks = found.keys() - written.keys()
+        return lacks <= _LATER and all(
+            key in found and _says_the_same(value, found[key]) for key, value in written.items()
+        )
+    if isinstance(written, list) and isinstance(found, list):
+        return len(written) == len(found) and all(map(_says_the_same, written, found))
+    return bool(written == found)

@@ -17,36 +17,91 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
+from scenewright.dataset.batch.answering import PLAINLY, Asking
 from scenewright.dataset.batch.journal import Journal, JournalEntry, lock_journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.pool import TRIES, Died, Overdue, spread
 from scenewright.dataset.batch.worker import FILES, Job, Outcome, work
+from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.graph.run import make_folder
 
 Engine = Literal["process", "ray"]
+ROW_TIMEOUT, MOST_ROW_TIMEOUT = 1800.0, 86400.0
+"""Default of the longest that one row may take [s], and the largest value allowed."""
+MOST_WORKERS, MOST_AT_ONCE = 1024, 256
 JOURNAL = "journal.jsonl"
 _OUT_OF_MEMORY = -9
 RECENT = 50
 """Rows whose pace tells how long the others will take."""
 
 
-@dataclass(frozen=True)
-class Progress:
-    """How far a run is.
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """How jobs are worked on. It changes no scene, so it may change from run to run.
 
     Attributes:
-        done, of: rows that came to an end, earlier runs' included, and rows in all.
-        counts: rows by status; rate: rows a second of late; left: seconds to go, if known.
-        what: what is counted, rows or the texts of an order.
+        workers: processes; row_timeout: longest that one row may take [s].
+        asking: how questions are put.
     """
 
-    done: int
-    of: int
-    counts: Mapping[str, int]
-    rate: float
-    left: float | None
-    what: str = "rows"
+    workers: int = 1
+    engine: Engine = "process"
+    row_timeout: float = ROW_TIMEOUT
+    asking: Asking = PLAINLY
+
+    def check_work(self) -> None:
+        """InputError where an option cannot be used."""
+        at_once = self.asking.at_once
+        if not 1 <= self.workers <= MOST_WORKERS:
+            raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {self.workers}")
+        if not 1.0 <= self.row_timeout <= MOST_ROW_TIMEOUT:
+            span = f"1 to {MOST_ROW_TIMEOUT:g} seconds for one row"
+            raise InputError(f"--row-timeout is {span}, got {self.row_timeout:g}")
+        if at_once is not None and not 1 <= at_once <= MOST_AT_ONCE:
+            raise InputError(f"--at-once is a number from 1 to {MOST_AT_ONCE}, got {at_once}")
+        for name, value in (("--record", self.asking.record), ("--at-once", at_once)):
+            if self.engine == "ray" and value is not None:
+                raise InputError(f"{name} works on one machine: leave it out with --engine ray")
+        require_tables()
+
+
+class Progress:
+    """How far a run is, counted as its rows come to an end.
+
+    Attributes:
+        of: rows in all; counts: rows that came to an end by status, earlier runs' included.
+        now: how many came to an end in this run; what: what is counted, rows or texts of an order.
+    """
+
+    def __init__(self, of: int, log: Callable[[Progress], None], *, what: str = "rows") -> None:
+        self.of, self.what, self.counts, self.now = of, what, Counter[str](), 0
+        self._log, self._ended = log, deque[float](maxlen=RECENT)
+
+    def log_end(self, status: str, *, now: bool) -> None:
+        """Count a row and report; `now` tells it from one of an earlier run."""
+        self.counts[status] += 1
+        if now:
+            self.now += 1
+            self._ended.append(time.monotonic())
+        self._log(self)
+
+    @property
+    def done(self) -> int:
+        """Rows that came to an end."""
+        return self.counts.total()
+
+    @property
+    def rate(self) -> float:
+        """Rows a second of the last ones: what workers need to start says nothing."""
+        if len(self._ended) < 2:
+            return 0.0
+        return (len(self._ended) - 1) / max(self._ended[-1] - self._ended[0], 1e-6)
+
+    @property
+    def left(self) -> float | None:
+        """Seconds to go, if known."""
+        return (self.of - self.done) / self.rate if self.rate else None
 
 
 ProgressCallback = Callable[[Progress], None]
@@ -58,6 +113,7 @@ class BatchFolder:
     def __init__(self, out: Path, *, header: Mapping[str, Any], name: str = JOURNAL) -> None:
         """Nothing is read or written before the `with` block begins."""
         self.out, self._header, self._name = out, header, name
+        self._parts = out / f".{name}.parts"
         self._stack = ExitStack()
         self.journal: Journal
 
@@ -70,64 +126,49 @@ class BatchFolder:
                 ):
                     raise InputError(f"{self.out} holds other files; choose another --out")
                 stack.enter_context(lock_journal(self.out, self._name))
-                discard_leftovers(self.out, self._name)
+                self._discard_leftovers()
                 self.journal = Journal(self.out, name=self._name, header=self._header)
             except OSError as error:
                 reason = error.strerror or error
                 raise InputError(f"cannot write {self.out}: {reason}") from error
             stack.callback(self.journal.close)
-            stack.callback(discard_leftovers, self.out, self._name)
+            stack.callback(self._discard_leftovers)
             self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def is_done(self, job: Job) -> bool:
-        """Whether a row came to an end that another try would not change, and is all there."""
-        entry = self.journal.get_entry(job.number)
-        if entry is None or entry.status == "failed":
-            return False
-        if entry.key != job.key:
-            raise InputError(f"{self.out}: row {job.number} is {entry.key!r}, not {job.key!r}")
-        return entry.status != "made" or is_whole(self.out / entry.folder, entry.sha256)
-
-    def carry_out(
-        self,
-        jobs: Iterable[Job],
-        *,
-        of: int,
-        workers: int,
-        engine: Engine = "process",
-        limit: float | None = None,
-        log: ProgressCallback = lambda _: None,
-    ) -> int:
+    def carry_out(self, jobs: Iterable[Job], how: Work, *, of: int, log: ProgressCallback) -> int:
         """Does every job that is not done; how many those were.
 
         Args:
-            of: how many jobs there are, for the progress.
-            limit: longest that one row may take [s].
-            log: called after every row.
+            of: how many jobs there are, for the progress; log: called after every row.
 
         Raises:
             InputError: the folder cannot be written any more; what is done stays.
         """
-        clock = ProgressClock(of, log)
-        todo = self._open(jobs, clock)
-        if engine == "process":
+        progress = Progress(of, log)
+        todo = self._list_due(jobs, progress)
+        workers, limit = how.workers, how.row_timeout
+        if how.engine == "process":
             results = spread(todo, work, workers=workers, limit=limit)
         else:
             from scenewright.dataset.batch.cluster import spread_on_ray
 
             results = spread_on_ray(todo, work, workers=workers, limit=limit)
         for job, result in results:
-            if not clock.now:
+            if not progress.now:
                 # From here on it would not list what is there.
                 (self.out / MANIFEST).unlink(missing_ok=True)
             outcome = result if isinstance(result, Outcome) else _build_failure(result)
-            self.journal.append(self._build_entry(job, outcome))
-            clock.log_end(outcome.status, now=True)
-        return clock.now
+            hashes = {}
+            if outcome.status == "made":
+                hashes = publish(outcome.files, self.out / job.folder, parts=self._parts)
+            own = {name: each for name, each in vars(outcome).items() if name != "files"}
+            self.journal.append(JournalEntry(job.number, job.key, job.folder, sha256=hashes, **own))
+            progress.log_end(outcome.status, now=True)
+        return progress.now
 
     @contextmanager
     def lock_journals(self) -> Iterator[Journal]:
@@ -138,45 +179,23 @@ class BatchFolder:
         ):
             yield journal
 
-    def _open(self, jobs: Iterable[Job], clock: ProgressClock) -> Iterator[Job]:
+    def _list_due(self, jobs: Iterable[Job], progress: Progress) -> Iterator[Job]:
+        """Jobs but those that came to an end that another try would not change, and are whole."""
         for job in jobs:
-            if self.is_done(job):
-                entry = self.journal.get_entry(job.number)
-                clock.log_end(entry.status if entry else "failed", now=False)
-            else:
+            entry = self.journal.get_entry(job.number)
+            if entry is None or entry.status == "failed":
                 yield job
+                continue
+            if entry.key != job.key:
+                raise InputError(f"{self.out}: row {job.number} is {entry.key!r}, not {job.key!r}")
+            if entry.status == "made" and not is_whole(self.out / entry.folder, entry.sha256):
+                yield job
+            else:
+                progress.log_end(entry.status, now=False)
 
-    def _build_entry(self, job: Job, outcome: Outcome) -> JournalEntry:
-        place = self.out / job.folder
-        hashes = {}
-        if outcome.status == "made":
-            hashes = publish(outcome.files, place, parts=self.out / f".{self._name}.parts")
-        return JournalEntry(
-            number=job.number, key=job.key, folder=job.folder, sha256=hashes,
-            **{name: each for name, each in vars(outcome).items() if name != "files"},
-        )  # fmt: skip
-
-
-class ProgressClock:
-    """Counts rows that came to an end and reports progress."""
-
-    def __init__(self, of: int, log: ProgressCallback, *, what: str = "rows") -> None:
-        self._of, self._log, self._what = of, log, what
-        self._counts = Counter[str]()
-        self._ended = deque[float](maxlen=RECENT)
-        self.now = 0
-
-    def log_end(self, status: str, *, now: bool) -> None:
-        """Count a row; `now` tells it from one of an earlier run."""
-        self._counts[status] += 1
-        if now:
-            self.now += 1
-            self._ended.append(time.monotonic())
-        done, rate = self._counts.total(), 0.0
-        if len(self._ended) > 1:  # of the last ones: what workers need to start says nothing
-            rate = (len(self._ended) - 1) / max(self._ended[-1] - self._ended[0], 1e-6)
-        left = (self._of - done) / rate if rate else None
-        self._log(Progress(done, self._of, dict(self._counts), rate, left, self._what))
+    def _discard_leftovers(self) -> None:
+        """Removes what a killed run of this journal had not finished."""
+        shutil.rmtree(self._parts, ignore_errors=True)
 
 
 def _build_failure(result: Died | Overdue) -> Outcome:
@@ -201,8 +220,11 @@ def publish(files: Mapping[str, bytes], folder: Path, *, parts: Path) -> dict[st
         part.mkdir(parents=True)
         for name, data in files.items():
             (part / name).write_bytes(data)
-        if folder.exists():
-            _discard(folder)
+        if folder.exists():  # of a row that no journal knows; never anything that is no scene's
+            names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else {""}
+            if not names <= set(FILES):
+                raise InputError(f"{folder} is in the way: it holds other things than a scene")
+            shutil.rmtree(folder)
         os.rename(part, folder)
     except OSError as error:
         shutil.rmtree(part, ignore_errors=True)
@@ -219,16 +241,3 @@ def is_whole(folder: Path, sha256: Mapping[str, str]) -> bool:
         )
     except OSError:
         return False
-
-
-def discard_leftovers(folder: Path, name: str) -> None:
-    """Removes what a killed run of the journal of that name had not finished."""
-    shutil.rmtree(folder / f".{name}.parts", ignore_errors=True)
-
-
-def _discard(folder: Path) -> None:
-    """Removes a row's folder that no journal knows; never anything that is no scene's."""
-    names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else {""}
-    if not names <= set(FILES):
-        raise InputError(f"{folder} is in the way: it holds other things than a scene")
-    shutil.rmtree(folder)

@@ -53,44 +53,34 @@ def spread_on_ray(
         address = os.environ.get("RAY_ADDRESS")
         local = {} if address else {"num_cpus": workers, "include_dashboard": False}
         ray.init(address=address, log_to_driver=False, logging_level="ERROR", **local)
+    remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_run_shard)
+    fresh, alone = iter(jobs), deque[JobT]()
+    flying: dict[Any, list[JobT]] = {}
     try:
-        yield from _spread(ray, iter(jobs), task, workers, limit)
+        while True:
+            while len(flying) < AHEAD * workers:
+                shard = [alone.popleft()] if alone else list(islice(fresh, SHARD))
+                if not shard:
+                    break
+                flying[remote.remote(task, shard, limit)] = shard
+            if not flying:
+                return
+            done, _ = ray.wait(list(flying), num_returns=1, timeout=1.0)
+            for each in done:
+                shard = flying.pop(each)
+                try:
+                    results = ray.get(each)
+                except ray.exceptions.RayTaskError:
+                    raise
+                except ray.exceptions.RayError:  # every worker that had it died
+                    if len(shard) > 1:
+                        alone.extend(shard)
+                        continue
+                    results = [Died(None)]
+                yield from zip(shard, results, strict=True)
     finally:
         if started:
             ray.shutdown()
-
-
-def _spread(
-    ray: Any,
-    jobs: Iterator[JobT],
-    task: Callable[[JobT], ResultT],
-    workers: int,
-    limit: float | None,
-) -> Iterator[tuple[JobT, ResultT | Died | Overdue]]:
-    remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_run_shard)
-    flying: dict[Any, list[JobT]] = {}
-    alone: deque[JobT] = deque()
-    while True:
-        while len(flying) < AHEAD * workers:
-            shard = [alone.popleft()] if alone else list(islice(jobs, SHARD))
-            if not shard:
-                break
-            flying[remote.remote(task, shard, limit)] = shard
-        if not flying:
-            return
-        done, _ = ray.wait(list(flying), num_returns=1, timeout=1.0)
-        for each in done:
-            shard = flying.pop(each)
-            try:
-                results = ray.get(each)
-            except ray.exceptions.RayTaskError:
-                raise
-            except ray.exceptions.RayError:  # every worker that had it died
-                if len(shard) > 1:
-                    alone.extend(shard)
-                    continue
-                results = [Died(None)]
-            yield from zip(shard, results, strict=True)
 
 
 def _run_shard(task: Callable[[Any], Any], jobs: list[Any], limit: float | None) -> list[Any]:

@@ -3,37 +3,33 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from itertools import count
 from typing import Any
 
-from scenewright.dataset.tables.coverage import Covered, Encounter
+from scenewright.dataset.tables.coverage import ITEMS, Covered, Encounter
 from scenewright.errors import InputError
 from scenewright.scene.events import RELATION_OF_EVENT
 from scenewright.scene.measures import UNITS
 from scenewright.scene.plan_file import read_plan
 from scenewright.scene.social import RelationEdge
 
-_ASKED: Mapping[str, tuple[str, Any]] = {
-    **dict.fromkeys(("pet", "asked_pet"), ("near_miss", "target_pet")),
-    **dict.fromkeys(("ttc", "asked_ttc"), ("near_miss", "target_ttc")),
-    "asked_speed": ("collision", "impact_speed"),
-    **dict.fromkeys(("speed_from", "speed_to"), ("collision", "contact_speed")),
-    "headway": ("follow", "headway"),
-    "gap": ("follow", "gap"),
-}
+_ASKED = {name: (item["event"], item["field"]) for name, item in ITEMS.items() if "event" in item}
 """Numbers that can be asked for: at which event, and the field of the relation, for the middle of
 the bin, or the figure, within the bin."""
-_NEVER = ("asked", "caused_by", "avoidable", "ttc_2d", "drac", "closing_speed", "agents")
-"""Items that come of a scene and cannot be asked for."""
 
 
 def build_fill(
-    covered: Sequence[Covered], encounters: Sequence[Encounter]
+    covered: Sequence[Covered], encounters: Sequence[Encounter], *, taken: Collection[str] = ()
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Rows for `scenewright batch` that ask for what is missing, and what cannot be asked for.
 
     Crosses come first; what their rows bring along is not asked for again.
+
+    Args:
+        taken: ids of rows that no row may have, so that its scene can join theirs.
     """
+    ids = (name for k in count(1) if (name := f"fill-{k:04d}") not in taken)
     rows: list[dict[str, Any]] = []
     brought: list[dict[str, str]] = []
     left: list[str] = []
@@ -46,7 +42,7 @@ def build_fill(
                 left.append(f"{each.describe_gap(bin_)}; {error}")
                 continue
             for _ in range(missing - sum(wanted.items() <= own.items() for own in brought)):
-                rows.append({"id": f"fill-{len(rows) + 1:04d}", **row})
+                rows.append({"id": next(ids), **row})
                 brought.append(wanted)
     return rows, left
 
@@ -57,7 +53,7 @@ def _build_row(wanted: Mapping[str, str], encounters: Sequence[Encounter]) -> di
     Raises:
         InputError: they cannot be asked for.
     """
-    if never := [item for item in wanted if item in _NEVER]:
+    if never := [item for item in wanted if ITEMS[item].get("comes")]:
         raise InputError(f"{', '.join(never)} cannot be asked for")
     context: dict[str, Any] = {}
     if "hour" in wanted:

@@ -2,92 +2,49 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
-from array import array
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from scenewright.dataset.batch.answering import label
-from scenewright.dataset.batch.journal import Journal, JournalEntry
-from scenewright.dataset.batch.manifest import hash_files, write_manifest
-from scenewright.dataset.batch.pictures import Statistics, draw_overview, draw_statistics
-from scenewright.dataset.batch.worker import Job
-from scenewright.dataset.tables.card import ABSTRACT, Contents, describe_in_croissant, format_card
-from scenewright.dataset.tables.coverage import Encounter, list_encounters, measure_coverage
+from scenewright.dataset.batch.carry_out import JOURNAL, is_whole, publish
+from scenewright.dataset.batch.journal import Journal, lock_journal
+from scenewright.dataset.batch.manifest import hash_files, read_manifest, write_manifest
+from scenewright.dataset.batch.pictures import draw_overview, draw_statistics
+from scenewright.dataset.batch.worker import FILES, Job, format_json_line
+from scenewright.dataset.tables.card import describe_in_croissant, format_card
 from scenewright.dataset.tables.parquet import (
     TABLES,
     SceneFiles,
     TableWriter,
-    build_event_rows,
     list_table_files,
+    read_table,
 )
 from scenewright.dataset.tables.splits import choose_split
+from scenewright.dataset.tables.tally import Tally
+from scenewright.errors import InputError
 from scenewright.files import write_atomically
-from scenewright.scene.events import Proof
 
 PICTURES = ("figures/overview.png", "figures/statistics.png")
 CARD, CROISSANT = "README.md", "croissant.json"
-
-
-@dataclass
-class _Tally:
-    """What the card and the figure report of the scenes."""
-
-    counts: Counter[str] = field(default_factory=Counter)
-    tables: Counter[str] = field(default_factory=Counter)
-    codes: Counter[str] = field(default_factory=Counter)
-    events: Counter[tuple[str, str]] = field(default_factory=Counter)
-    causes: Counter[tuple[str, str]] = field(default_factory=Counter)
-    patterns: Counter[str] = field(default_factory=Counter)
-    agents: Counter[int] = field(default_factory=Counter)
-    places: dict[str, array[float]] = field(default_factory=dict)
-    verdicts: Counter[str] = field(default_factory=Counter)
-    unshown: Counter[str] = field(default_factory=Counter)
-    unlawful: int = 0
-    intersections: Counter[str] = field(default_factory=Counter)
-    statistics: Statistics = field(default_factory=Statistics)
-    encounters: list[Encounter] = field(default_factory=list)
-
-    def note(self, entry: JournalEntry, files: SceneFiles) -> None:
-        """Counts one row."""
-        self.counts[entry.status] += 1
-        if entry.code is not None:
-            self.codes[f"{entry.status}: {entry.code}"] += 1
-        if files.scene is None:
-            return
-        self.statistics.note(files)
-        proof = Proof.model_validate(files.proof)
-        self.verdicts[proof.verdict] += 1
-        if proof.verified and files.proof is not None:
-            self.encounters += list_encounters(files.scene, files.proof)
-        self.unshown.update(list(dict.fromkeys(e.words for e in proof.list_words("not_shown"))))
-        self.unlawful += proof.unasked_red_lights > 0
-        self.patterns.update((files.provenance or {}).get("patterns", ()))
-        self.agents[len(files.scene["agents"])] += 1
-        self.intersections[files.scene["meta"]["intersection"]] += 1
-        for event in build_event_rows("", files.scene, files.proof or {}):
-            kind = event["type"]
-            asked = event["asked"] or kind == "normal"
-            how = "incidental" if event["incidental"] else "asked for" if asked else "unasked"
-            self.events[kind, how] += 1
-            if event["asked"]:
-                self.causes[kind, (event["cause"] or "none seen").replace("_", " ")] += 1
-            if event["x"] is not None and how != "incidental":
-                kept = self.places.setdefault(kind, array("d"))
-                kept.extend((event["x"], event["y"], event["time"]))
+JOINED = "joined.jsonl"
+"""The rows that came from other datasets, one a line."""
+ABOUT = (
+    "row", "folder", "status", "code", "reason", "text", "asked", "voice", "split", "seed",
+    "intersection", "backend", "refiner", "selection", "attempts",
+)  # fmt: skip
+"""Columns of `scenes` and `refused` that the scenes' files lack, always or at times."""
+FinishedRow = tuple[Mapping[str, Any], Mapping[str, str]]
+"""What is known of a row without its files, by `ABOUT`; and its files' hashes, by name."""
 
 
 def finish(
     out: Path,
-    jobs: Iterable[Job],
-    journal: Journal,
+    list_rows: Callable[[], Iterable[FinishedRow]],
     *,
     about: Mapping[str, Any],
     given: int,
@@ -95,12 +52,13 @@ def finish(
     complete: bool,
     extra: Iterable[str] = (),
 ) -> None:
-    """Writes tables, figure, card and manifest over all rows that the journal knows.
+    """Writes tables, figures, card and manifest over a folder's own rows and those that joined it.
 
     Each file is replaced as a whole, the manifest last; before that there is none.
 
     Args:
-        about: further keys of the manifest; given: rows of the whole input.
+        list_rows: the own rows that came to an end, in order.
+        about: further keys of the manifest; given: own rows, those without an end included.
         complete: whether another run would have nothing to do, or to mend.
         extra: names of further files of the dataset.
     """
@@ -108,111 +66,120 @@ def finish(
     shutil.rmtree(part, ignore_errors=True)
     (part / "tables").mkdir(parents=True)
     (part / "figures").mkdir()
-    tally = _Tally()
+    joined, tally = read_joined(out), Tally()
+    given += len(joined)
     with TableWriter(part / "tables") as tables:
-        for job, entry in _list_done(journal, jobs):
-            row = _read_files(out, job, entry)
-            tally.tables.update(tables.add(row))
-            tally.note(entry, row)
+        for row, _ in chain(list_rows(), joined):
+            files = SceneFiles.read(out, row)
+            if files.scene is not None:  # of several seeds that were drawn, the one that did
+                files = replace(files, about={**row, "seed": files.scene["meta"]["seed"]})
+            tally.note(files, tables.add(files))
     overview, statistics = (part / name for name in PICTURES)
     commonest = max(sorted(tally.intersections), key=tally.intersections.__getitem__, default=None)
     draw_overview(overview, places=tally.places, agents=tally.agents, name=commonest)
-    draw_statistics(statistics, tally.statistics)
-    files = {name: list_table_files(part / "tables", name) for name in TABLES}
-    splits = {name: [each.stem for each in found] for name, found in files.items() if found}
+    draw_statistics(statistics, tally.figures)
+    written = {name: list_table_files(part / "tables", name) for name in TABLES}
+    splits = {name: [each.stem for each in found] for name, found in written.items() if found}
     croissant = describe_in_croissant(
-        name=title, description=ABSTRACT, version=str(about.get("scenewright")),
-        licence="https://www.apache.org/licenses/LICENSE-2.0", tables=list(splits),
-    )  # fmt: skip
+        name=title, version=str(about.get("scenewright")), tables=list(splits)
+    )
     (part / CROISSANT).write_bytes(croissant)
-    tables_there = [each.relative_to(part).as_posix() for found in files.values() for each in found]
-    names = [*tables_there, *PICTURES, CROISSANT]
+    names = [each.relative_to(part).as_posix() for found in written.values() for each in found]
+    names += [*PICTURES, CROISSANT]
     shutil.rmtree(out / "tables", ignore_errors=True)  # a split may have no rows any more
     for name in names:
         (out / name).parent.mkdir(exist_ok=True, parents=True)
         os.replace(part / name, out / name)
     shutil.rmtree(part, ignore_errors=True)
-    left = given - tally.counts.total()
-    text = format_card(_build_contents(tally, splits=splits, title=title, given=given, about=about))
+    text = format_card(
+        tally, title=title, given=given, splits=splits, about=about, pictures=PICTURES
+    )
     write_atomically(out / CARD, text.encode("utf-8"))
-    counts = {status: tally.counts[status] for status in ("made", "refused", "failed")}
+    counts = {status: tally.statuses[status] for status in ("made", "refused", "failed")}
     manifest = {
         "schema_version": 1,
         "complete": complete,
         **about,
-        "rows": {"given": given, **counts, "left": left},
+        "rows": {"given": given, **counts, "left": given - tally.statuses.total()},
         "tables": {name: tally.tables[name] for name in TABLES},
     }
-    ours = hash_files(out, [CARD, *names, *extra])
+    ours = hash_files(out, [CARD, *names, *([JOINED] if joined else []), *extra])
     theirs = (
-        (f"{row.folder}/{name}", sha256)
-        for _, row in _list_done(journal, jobs)
-        for name, sha256 in row.sha256.items()
+        (f"{row['folder']}/{name}", sha256)
+        for row, hashes in chain(list_rows(), joined)
+        for name, sha256 in hashes.items()
     )
     write_manifest(out, manifest, chain(ours, theirs))
 
 
-def _list_done(journal: Journal, jobs: Iterable[Job]) -> Iterator[tuple[Job, JournalEntry]]:
+def list_journal_rows(journal: Journal, jobs: Iterable[Job]) -> Iterator[FinishedRow]:
     """The rows that came to an end, in the order of the input."""
     for job in jobs:
-        entry = journal.get_entry(job.number)
+        entry, options = journal.get_entry(job.number), job.options
         if entry is not None:
-            yield job, entry
+            split = job.split or choose_split(options.intersection, job.text, job.voice)
+            about = {
+                "row": job.key, "folder": entry.folder if entry.status == "made" else None,
+                "split": split, "backend": ", ".join(options.backend),
+                **{key: getattr(entry, key) for key in ("status", "code", "reason", "attempts")},
+                **{key: getattr(job, key) for key in ("text", "asked", "voice", "seed")},
+                **{key: getattr(options, key) for key in ("intersection", "refiner", "selection")},
+            }  # fmt: skip
+            yield about, entry.sha256
 
 
-def _read_files(out: Path, job: Job, entry: JournalEntry) -> SceneFiles:
-    made, options = entry.status == "made", job.options
-    about = {
-        "row": job.key,
-        "folder": entry.folder if made else None,
-        "status": entry.status,
-        "code": entry.code,
-        "reason": entry.reason,
-        "text": job.text,
-        "asked": job.asked,
-        "voice": job.voice,
-        "split": job.split or choose_split(options.intersection, job.text, job.voice),
-        "seed": job.seed,
-        "intersection": options.intersection,
-        "backend": label(options.backend),
-        "refiner": options.refiner,
-        "selection": options.selection,
-        "attempts": entry.attempts,
-    }
-    files = SceneFiles.read(out, about)
-    if files.scene is not None:
-        about["seed"] = files.scene["meta"]["seed"]  # of several that were drawn, the one that did
-    return files
+def read_joined(out: Path) -> list[FinishedRow]:
+    """The rows that came from other datasets."""
+    if not (out / JOINED).exists():
+        return []
+    lines = (out / JOINED).read_text("utf-8").splitlines()
+    return [(each["about"], each["sha256"]) for each in map(json.loads, lines)]
 
 
-def _build_contents(
-    tally: _Tally,
-    *,
-    splits: Mapping[str, Sequence[str]],
-    title: str,
-    given: int,
-    about: Mapping[str, Any],
-) -> Contents:
-    sizes = np.array([n for n, times in sorted(tally.agents.items()) for _ in range(times)])
-    figures = {
-        "instructions given": given,
-        "scenes made": tally.counts["made"],
-        **{f"instructions {status}": tally.counts[status] for status in ("refused", "failed")},
-        **{f"scenes at {place}": n for place, n in sorted(tally.intersections.items())},
-        "scenes verified": tally.verdicts["verified"],
-        "scenes verified in part, without all words": tally.verdicts["partly"],
-        "words not shown, those of most scenes": ", ".join(
-            repr(words) for words, _ in tally.unshown.most_common(12)
-        )
-        or "none",
-        "scenes with a red light run unasked": tally.unlawful,
-        "agents per scene, least, median, most": "–"
-        if not len(sizes)
-        else f"{sizes.min()}, {float(np.median(sizes)):g}, {sizes.max()}",
-    }
-    return Contents(
-        title=title, figures=figures, tables=tally.tables, splits=splits, events=tally.events,
-        causes=tally.causes, patterns=tally.patterns, unmade=tally.codes,
-        statistics=tally.statistics.list_rows(), coverage=measure_coverage(tally.encounters),
-        about=about, pictures=PICTURES,
-    )  # fmt: skip
+def join_dataset(out: Path, other: Path) -> int:
+    """Adds another dataset's rows to one, scenes and refusals; how many they are.
+
+    The command that made the dataset goes on with it as before.
+
+    Raises:
+        InputError: one of them is no finished dataset, a row is in both, or a scene is damaged.
+    """
+    manifest, theirs = read_manifest(out), list(_read_rows(other))
+    with lock_journal(out, JOURNAL), lock_journal(out, "finish", patient=True):
+        joined = read_joined(out)
+        away = {row["row"] for row, _ in joined}
+        ours = [each for each in _read_rows(out) if each[0]["row"] not in away]
+        for key in ("row", "folder"):
+            known = {row[key] for row, _ in (*ours, *joined)} - {None}
+            if twice := sorted(row[key] for row, _ in theirs if row[key] in known):
+                raise InputError(f"{out} and {other} both have the {key} {twice[0]!r}")
+        for row, hashes in theirs:
+            if not is_whole(other / (row["folder"] or ""), hashes):
+                raise InputError(f"{other / row['folder']} is damaged: a hash differs")
+            if hashes:
+                files = {name: (other / row["folder"] / name).read_bytes() for name in hashes}
+                publish(files, out / row["folder"], parts=out / f".{JOURNAL}.parts")
+        lines = [{"about": row, "sha256": hashes} for row, hashes in (*joined, *theirs)]
+        write_atomically(out / JOINED, b"".join(map(format_json_line, lines)))
+        ends = {"schema_version", "complete", "rows", "tables", "files", "manifest"}
+        finish(
+            out, lambda: ours, given=manifest["rows"]["given"] - len(joined),
+            about={key: each for key, each in manifest.items() if key not in ends},
+            title=json.loads((out / CROISSANT).read_bytes())["name"],
+            complete=manifest["complete"],
+            extra=[name for name in manifest["files"]
+                   if "/" not in name and name not in (CARD, CROISSANT, JOINED)],
+        )  # fmt: skip
+    return len(theirs)
+
+
+def _read_rows(folder: Path) -> Iterator[FinishedRow]:
+    """The rows of a finished dataset, from its tables."""
+    hashes = read_manifest(folder)["files"]
+    for table in ("scenes", "refused"):
+        for row in read_table(folder / "tables", table, ABOUT):
+            made = table == "scenes"
+            yield (
+                dict.fromkeys(ABOUT) | {"status": "made"} | row,
+                {name: hashes[f"{row['folder']}/{name}"] for name in FILES if made},
+            )

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -18,9 +17,6 @@ from filelock import FileLock, Timeout
 
 from scenewright.dataset.batch.worker import format_json_line
 from scenewright.errors import InputError
-
-_FILE_BITS = 40
-"""An entry's place is the number of its file above this many bits of offset."""
 
 
 @dataclass(frozen=True)
@@ -53,22 +49,21 @@ class Journal:
         Raises:
             InputError: the folder's journals are of another input or of other options.
         """
-        self._places = array("q")
-        self._readers: list[BinaryIO] = []
+        self._places: dict[int, tuple[BinaryIO, int]] = {}
+        self._readers: dict[str, BinaryIO] = {}
         self._writer: BinaryIO | None = None
-        self._number = -1
+        self._name = name
         if name is not None:
             if not (folder / name).exists():  # it has its header or does not exist
                 part = folder / f".{name}.part"
                 part.write_bytes(format_json_line(header))
                 os.replace(part, folder / name)
-            _cut_torn_line(folder / name)
+            cut_torn_line(folder / name)
         try:
-            for number, path in enumerate(sorted(folder.glob("journal*.jsonl"))):
-                self._load(number, path, dict(header))
-                if path.name == name:
-                    self._number = number
-                    self._writer = path.open("ab", buffering=0)
+            for path in sorted(folder.glob("journal*.jsonl")):
+                self._load(path, dict(header))
+            if name is not None:
+                self._writer = (folder / name).open("ab", buffering=0)
         except BaseException:
             self.close()
             raise
@@ -81,33 +76,43 @@ class Journal:
 
     def close(self) -> None:
         """Lets go of the files."""
-        for stream in (*self._readers, self._writer):
+        for stream in (*self._readers.values(), self._writer):
             if stream is not None:
                 stream.close()
 
     def append(self, entry: JournalEntry) -> None:
         """Adds a line, at once and whole."""
-        if self._writer is None:
+        if self._writer is None or self._name is None:
             raise ValueError("this journal is only read")
         place = self._writer.seek(0, os.SEEK_END)
         data = format_json_line(vars(entry))
         if self._writer.write(data) != len(data):
             raise InputError("cannot write the journal: no space left")
-        self._note(entry.number, self._number, place)
+        self._places[entry.number] = self._readers[self._name], place
 
     def get_entry(self, number: int) -> JournalEntry | None:
         """The last line about a row."""
-        place = self._places[number] if number < len(self._places) else -1
-        if place < 0:
+        if number not in self._places:
             return None
-        reader = self._readers[place >> _FILE_BITS]
-        reader.seek(place & ((1 << _FILE_BITS) - 1))
+        reader, place = self._places[number]
+        reader.seek(place)
         return JournalEntry(**json.loads(reader.readline()))
 
-    def _load(self, number: int, path: Path, header: dict[str, Any]) -> None:
-        reader = path.open("rb")
-        self._readers.append(reader)
-        _check_header(path, reader.readline(), header)
+    def _load(self, path: Path, header: dict[str, Any]) -> None:
+        reader = self._readers[path.name] = path.open("rb")
+        try:
+            found = json.loads(reader.readline())
+        except ValueError as error:
+            raise InputError(f"{path} is no journal of a batch; choose another --out") from error
+        if found != header:
+            changed = [key for key in header if found.get(key) != header[key]]
+            changes = (f"{key} was {found.get(key)!r}, now {header[key]!r}" for key in changed)
+            what = ", ".join(changes) or "another layout"
+            what = "the input has changed" if "input" in changed else what
+            raise InputError(
+                f"{path.parent} was begun otherwise ({what}); what is there cannot be gone on "
+                "with: give the same input and options, or choose another --out"
+            )
         place = reader.tell()
         for line in iter(reader.readline, b""):
             if line.endswith(b"\n"):
@@ -116,45 +121,21 @@ class Journal:
                 except (ValueError, KeyError, TypeError) as error:
                     damage = f"{path} is damaged; remove the folder and begin anew"
                     raise InputError(damage) from error
-                self._note(row, number, place)
+                self._places[row] = reader, place
             place += len(line)
 
-    def _note(self, row: int, number: int, place: int) -> None:
-        if row >= len(self._places):
-            self._places.extend([-1] * (row + 1 - len(self._places)))
-        self._places[row] = number << _FILE_BITS | place
 
-
-def _cut_torn_line(path: Path) -> None:
+def cut_torn_line(path: Path) -> None:
     """Drops what stands behind the last newline: a write that a kill cut short."""
     with path.open("r+b") as stream:
-        size = end = stream.seek(0, os.SEEK_END)
-        while end:
-            begin = max(end - 65536, 0)
+        begin = end = stream.seek(0, os.SEEK_END)
+        at = -1
+        while begin and at < 0:
+            begin = max(begin - 65536, 0)
             stream.seek(begin)
-            at = stream.read(end - begin).rfind(b"\n")
-            if at >= 0:
-                end = begin + at + 1
-                break
-            end = begin
-        if end < size:
-            stream.truncate(end)
-
-
-def _check_header(path: Path, line: bytes, header: dict[str, Any]) -> None:
-    try:
-        found = json.loads(line)
-    except ValueError as error:
-        raise InputError(f"{path} is no journal of a batch; choose another --out") from error
-    if found == header:
-        return
-    changed = [key for key in header if found.get(key) != header[key]]
-    changes = ", ".join(f"{key} was {found.get(key)!r}, now {header[key]!r}" for key in changed)
-    what = "the input has changed" if "input" in changed else changes or "another layout"
-    raise InputError(
-        f"{path.parent} was begun otherwise ({what}); what is there cannot be gone on with: "
-        "give the same input and options, or choose another --out"
-    )
+            at = stream.read(min(65536, end - begin)).rfind(b"\n")
+        if begin + at + 1 < end:
+            stream.truncate(begin + at + 1)
 
 
 @contextmanager

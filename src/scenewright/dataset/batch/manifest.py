@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -26,26 +27,19 @@ def write_manifest(
     Args:
         about: its other keys; files: (path below the folder, sha256).
     """
-    part = folder / f".{MANIFEST}.part"
-    above = hashlib.sha256()
+    part, above = folder / f".{MANIFEST}.part", hashlib.sha256()
+    head = json.dumps(dict(about), ensure_ascii=False, indent=1).removesuffix("\n}")
+    lines = (
+        f'{"," if n else ""}\n  {json.dumps(name)}: "{sha256}"'
+        for n, (name, sha256) in enumerate(files)
+    )
     with part.open("wb") as stream:
-        for text in _format_lines(about, files):
+        for text in chain([head + ',\n "files": {'], lines, ["\n },"]):
             data = text.encode("utf-8", "backslashreplace")
             above.update(data)
             stream.write(data)
         stream.write(_ENDING + above.hexdigest().encode() + b'"\n}\n')
     os.replace(part, folder / MANIFEST)
-
-
-def _format_lines(about: Mapping[str, Any], files: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Everything but the last line."""
-    head = json.dumps(dict(about), ensure_ascii=False, indent=1)
-    yield head.removesuffix("\n}") + ',\n "files": {'
-    between = "\n"
-    for name, sha256 in files:
-        yield f'{between}  {json.dumps(name)}: "{sha256}"'
-        between = ",\n"
-    yield "\n },"
 
 
 def is_as_written(folder: Path) -> bool:

@@ -1,10 +1,8 @@
-"""The pictures of a dataset's card, and the figures in them: where, when, how close, how fast."""
+"""The pictures of a dataset's card: where, when, how close, how fast."""
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -12,9 +10,6 @@ from typing import Any
 import numpy as np
 
 from scenewright.dataset.tables.coverage import Covered
-from scenewright.dataset.tables.parquet import SceneFiles
-from scenewright.geometry.kinematics import differentiate
-from scenewright.scene.base import FloatArray
 
 COLOURS = {
     "collision": "#D55E00",
@@ -50,10 +45,26 @@ def draw_overview(
         agents: number of agents in a scene -> how many scenes have it.
         name: the intersection that is drawn beneath; None for none.
     """
+    from matplotlib.image import imread
+
     figure = create_figure(11.5, 4.2)
     where, when, size = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
     kinds = [kind for kind in COLOURS if len(places.get(kind, ()))]
-    _draw_places(where, places, kinds, name)
+    where.set(title="where events happen", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    if name is not None:
+        from scenewright.intersections import load_map
+        from scenewright.viz.basemap import draw_basemap
+        from scenewright.viz.drawing import Drawing
+
+        ground = Drawing(VIEW, 0.0, 0.0, 4.0, 4.0)
+        draw_basemap(ground, load_map(name))
+        where.imshow(imread(BytesIO(ground.render(150))), extent=VIEW)
+    for kind in kinds:
+        x, y = places[kind][0::3], places[kind][1::3]
+        label = f"{kind.replace('_', ' ')} ({len(x)})"
+        where.scatter(x, y, s=8, c=COLOURS[kind], label=label, zorder=9)
+    if kinds:
+        where.legend(fontsize=7, loc="upper right").set_zorder(10)
     colours = [COLOURS[kind] for kind in kinds]
     if kinds:
         times = [list(places[kind][2::3]) for kind in kinds]
@@ -62,28 +73,6 @@ def draw_overview(
     size.bar(list(agents), list(agents.values()), color="#6C8EBF")
     size.set(title="agents in a scene", xlabel="agents", ylabel="scenes")
     figure.savefig(path, metadata={"Software": None})
-
-
-def _draw_places(
-    axes: Any, places: Mapping[str, Sequence[float]], kinds: Sequence[str], name: str | None
-) -> None:
-    from matplotlib.image import imread
-
-    axes.set(title="where events happen", xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    if name is not None:
-        from scenewright.intersections import load_map
-        from scenewright.viz.basemap import draw_basemap
-        from scenewright.viz.drawing import Drawing
-
-        ground = Drawing(VIEW, 0.0, 0.0, 4.0, 4.0)
-        draw_basemap(ground, load_map(name))
-        axes.imshow(imread(BytesIO(ground.render(150))), extent=VIEW)
-    for kind in kinds:
-        values = places[kind]
-        label = f"{kind.replace('_', ' ')} ({len(values) // 3})"
-        axes.scatter(values[0::3], values[1::3], s=8, c=COLOURS[kind], label=label, zorder=9)
-    if kinds:
-        axes.legend(fontsize=7, loc="upper right").set_zorder(10)
 
 
 def draw_coverage(path: Path, covered: Sequence[Covered], *, columns: int = 3) -> None:
@@ -104,16 +93,6 @@ def draw_coverage(path: Path, covered: Sequence[Covered], *, columns: int = 3) -
     figure.savefig(path, metadata={"Software": None})
 
 
-_MOVING = 0.5
-"""Slower than this an agent stands [m/s]."""
-_MEASURES: Mapping[str, tuple[str, str]] = {
-    "pet": ("post-encroachment time", "s"),
-    "ttc_2d": ("least time to collision straight on", "s"),
-    "path_ttc": ("least time to collision along paths", "s"),
-    "drac": ("deceleration needed to avoid the crash", "m/s²"),
-    "relative_speed": ("closing speed at contact", "m/s"),
-}
-"""Key of the checker's evidence -> what it is, and its unit."""
 _PLOTTED = (
     ("post-encroachment time of ", "s", (0.0, 6.0)),
     ("least time to collision along paths of ", "s", (0.0, 6.0)),
@@ -123,58 +102,16 @@ _PLOTTED = (
 """Beginning of a figure's name, its unit, and what its histogram spans."""
 
 
-@dataclass
-class Statistics:
-    """Values of each figure over all scenes; figure -> values, in the order of the scenes."""
+def draw_statistics(path: Path, figures: Mapping[str, Sequence[float]]) -> None:
+    """Writes histograms as a PNG; the same values give the same bytes.
 
-    values: dict[str, array[float]] = field(default_factory=dict)
-
-    def note(self, files: SceneFiles) -> None:
-        """Adds what one scene shows."""
-        if files.scene is None or files.proof is None:
-            return
-        for event in files.proof["events"]:
-            for key, (name, unit) in _MEASURES.items():
-                value = event["evidence"].get(key)
-                if value is not None:
-                    kind = event["type"].replace("_", " ")
-                    self._add(f"{name} of {kind} [{unit}]", value)
-        kinds = [agent["type"] for agent in files.scene["agents"]]
-        for kind in ("vehicle", "pedestrian"):
-            self._add(f"seen in a scene: {kind}s [agents]", kinds.count(kind))
-        for kind in sorted({*kinds} & {"cyclist", "scooter"}):
-            self._add(f"seen in a scene that has any: {kind}s [agents]", kinds.count(kind))
-        for agent in files.scene["agents"]:
-            speed = _compute_mean_speed(agent, files.scene["meta"]["step"])
-            if speed is not None:
-                self._add(f"mean speed of moving {agent['type']}s [m/s]", speed)
-
-    def _add(self, figure: str, value: float) -> None:
-        self.values.setdefault(figure, array("d")).append(value)
-
-    def list_rows(self) -> list[tuple[str, str, str]]:
-        """(figure, number of values, "5 % / median / 95 %") of each figure, by name."""
-        found = []
-        for name, values in sorted(self.values.items()):
-            low, middle, high = np.percentile(np.array(values), (5, 50, 95))
-            found.append((name, str(len(values)), f"{low:.2f} / {middle:.2f} / {high:.2f}"))
-        return found
-
-
-def _compute_mean_speed(agent: Mapping[str, Any], step: float) -> float | None:
-    """Mean over the samples at which it moves [m/s]; None where it stands throughout."""
-    velocity: FloatArray = differentiate(np.array(agent["trajectory"], dtype=np.float64), step)
-    speed = np.hypot(*velocity.T)
-    moving = speed[speed > _MOVING]
-    return float(moving.mean()) if len(moving) else None
-
-
-def draw_statistics(path: Path, statistics: Statistics) -> None:
-    """Writes histograms as a PNG; the same values give the same bytes."""
+    Args:
+        figures: name with its unit -> values.
+    """
     figure = create_figure(11.5, 2.9)
     all_axes = figure.subplots(1, len(_PLOTTED))
     for axes, (begin, unit, span) in zip(all_axes, _PLOTTED, strict=True):
-        for name, values in sorted(statistics.values.items()):
+        for name, values in sorted(figures.items()):
             if name.startswith(begin):
                 label = name.removeprefix(begin).rpartition(" [")[0]
                 axes.hist(np.array(values), bins=24, range=span, histtype="stepfilled", alpha=0.5,

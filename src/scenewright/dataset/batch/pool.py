@@ -86,6 +86,14 @@ class _Worker(Generic[JobT]):
         allowed = limit + (WARM_UP if self.given == 1 else 0.0)
         return self._since + allowed - time.monotonic()
 
+    def take_answer(self) -> Any:
+        """What its job came to; `Died` where it is no more."""
+        try:
+            return pickle.loads(self.pipe.recv_bytes())
+        except (EOFError, OSError):
+            self.process.join()
+            return Died(self.process.exitcode)
+
     def stop(self) -> None:
         """Ends the process, whatever it does."""
         self.pipe.close()
@@ -159,67 +167,41 @@ def spread(
     Args:
         limit: longest that one job may take [s].
     """
-    queue = _Queue(iter(jobs))
+    again, fresh = deque[_PoolTask[JobT]](), map(_PoolTask, jobs)
+
+    def take_next() -> _PoolTask[JobT] | None:
+        """The next one to do: first those whose worker died."""
+        return again.popleft() if again else next(fresh, None)
+
     crew: list[_Worker[JobT]] = []
     try:
-        while len(crew) < workers and (first := queue.take_next()) is not None:
+        while len(crew) < workers and (first := take_next()) is not None:
             crew.append(_Worker(task))
             crew[-1].give(first)
-        while busy := [each for each in crew if each.task is not None]:
-            left = None if limit is None else min(each.compute_left(limit) for each in busy)
-            ready = wait([each.pipe for each in busy], left if left is None else max(left, 0.0))
-            for worker in busy:
-                if worker.pipe in ready:
-                    yield from _collect_answers(worker, crew, queue, task)
-                elif limit is not None and worker.compute_left(limit) <= 0.0:
-                    yield from _collect_answers(worker, crew, queue, task, overdue=Overdue(limit))
+        while busy := [(each, each.task) for each in crew if each.task is not None]:
+            left = None if limit is None else min(each.compute_left(limit) for each, _ in busy)
+            ready = wait([each.pipe for each, _ in busy], left if left is None else max(left, 0.0))
+            for worker, done in busy:
+                overdue = limit is not None and worker.compute_left(limit) <= 0.0
+                if worker.pipe not in ready and not overdue:
+                    continue
+                answered = worker.pipe in ready
+                result = worker.take_answer() if answered else Overdue(limit or 0.0)
+                retried = isinstance(result, Died) and done.deaths + 1 < TRIES
+                if retried:
+                    again.append(_PoolTask(done.job, done.deaths + 1))
+                # Before the result is looked at, the worker has something to do.
+                following, worker.task = take_next(), None
+                if isinstance(result, Died | Overdue) or worker.given >= RECYCLED_AFTER:
+                    worker.stop()
+                    crew.remove(worker)
+                    if following is not None:
+                        crew.append(_Worker(task))
+                        crew[-1].give(following)
+                elif following is not None:
+                    worker.give(following)
+                if not retried:
+                    yield done.job, result
     finally:
         for worker in crew:
             worker.stop()
-
-
-class _Queue(Generic[JobT]):
-    """Jobs to do: first those whose worker died."""
-
-    def __init__(self, jobs: Iterator[JobT]) -> None:
-        self._jobs, self.again = jobs, deque[_PoolTask[JobT]]()
-
-    def take_next(self) -> _PoolTask[JobT] | None:
-        """The next one; None if none is left."""
-        if self.again:
-            return self.again.popleft()
-        return next((_PoolTask(job) for job in self._jobs), None)
-
-
-def _collect_answers(
-    worker: _Worker[JobT],
-    crew: list[_Worker[JobT]],
-    queue: _Queue[JobT],
-    task: Callable[[JobT], ResultT],
-    overdue: Overdue | None = None,
-) -> Iterator[tuple[JobT, ResultT | Died | Overdue]]:
-    """The result of a worker that is still alive, after the next job was handed out."""
-    done, worker.task = worker.task, None
-    if done is None:
-        return
-    result: Any = overdue
-    if overdue is None:
-        try:
-            result = pickle.loads(worker.pipe.recv_bytes())
-        except (EOFError, OSError):
-            worker.process.join()
-            result = Died(worker.process.exitcode)
-    again = isinstance(result, Died) and done.deaths + 1 < TRIES
-    if again:
-        queue.again.append(_PoolTask(done.job, done.deaths + 1))
-    following = queue.take_next()
-    if isinstance(result, Died | Overdue) or worker.given >= RECYCLED_AFTER:
-        worker.stop()
-        crew.remove(worker)
-        if following is not None:
-            worker = _Worker(task)
-            crew.append(worker)
-    if following is not None:
-        worker.give(following)
-    if not again:
-        yield done.job, result

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 from pydantic import Field, ValidationError
 
 from scenewright.errors import InputError
@@ -30,7 +29,7 @@ _RESERVED = frozenset(
 """Names that some system keeps for devices, whatever follows the first dot."""
 _OURS = frozenset(
     ("tables", "figures", "journal", "manifest", "readme", "rows", "order", "report",
-     "evaluation", "croissant")
+     "evaluation", "croissant", "joined")
 )  # fmt: skip
 """First parts of the names that stand beside the scenes' folders."""
 _FORMS = 'a line is an object such as {"id": "a-1", "text": "A car yields"}, or all are sentences'
@@ -134,7 +133,7 @@ def choose_seed(row: DatasetRow, *, seed: int) -> int:
 
 
 def read_source(path: str | Path) -> RowSource:
-    """Reads a whole input once, keeping 16 bytes of each row.
+    """Reads a whole input once, keeping the ids of its rows.
 
     Raises:
         InputError: unreadable, no rows, a line that is no row, or an id twice; names the line.
@@ -142,24 +141,31 @@ def read_source(path: str | Path) -> RowSource:
     file = Path(path)
     if file.exists() and not file.is_file():
         raise InputError(f"cannot read {file}: rows are read more than once, so from a plain file")
-    keys, lines, plans = bytearray(), 0, hashlib.sha256()
+    lines: dict[str, int] = {}
+    clashing, lowered, plans = set[str](), set[str](), list[str]()
     for line, row in _read(file):
-        keys += _hash_key(row.id.lower())
-        lines += 1
+        if (first := lines.setdefault(row.id, line)) != line:
+            raise InputError(
+                f"{file}, line {line}: the id {_quote(row.id)} is that of "
+                f"line {first}; every row needs an id of its own"
+            )
+        if (low := row.id.lower()) in lowered:
+            clashing.add(low)
+        lowered.add(low)
         try:
             given = read_row_plan(row, file)
         except InputError as error:
             raise InputError(f"{file}, line {line}: {error}") from error
         if given is not None and isinstance(row.plan, str):
-            plans.update(compute_digest(given.plan, f"{given.as_read} {given.text}").encode())
+            plans.append(compute_digest(given.plan, f"{given.as_read} {given.text}"))
     if not lines:
         raise InputError(f"{file} holds no rows; {_FORMS}")
-    clashing = _find_clashes(file, bytes(keys))
-    named = hashlib.sha256(b"").digest() != plans.digest()
     with file.open("rb") as stream:
-        own = hashlib.file_digest(stream, "sha256").hexdigest()
-    sha256 = hashlib.sha256(f"{own} {plans.hexdigest()}".encode()).hexdigest() if named else own
-    return RowSource(file, sha256, lines, clashing)
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    if plans:
+        named = hashlib.sha256("".join(plans).encode()).hexdigest()
+        sha256 = hashlib.sha256(f"{sha256} {named}".encode()).hexdigest()
+    return RowSource(file, sha256, len(lines), frozenset(clashing))
 
 
 def read_row_plan(row: DatasetRow, file: Path) -> PlanFile | None:
@@ -171,30 +177,6 @@ def read_row_plan(row: DatasetRow, file: Path) -> PlanFile | None:
     if row.plan is None or isinstance(row.plan, dict):
         return None if row.plan is None else read_plan(row.plan)
     return read_plan(file.parent / row.plan)
-
-
-def _hash_key(text: str) -> bytes:
-    return hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=16).digest()
-
-
-def _find_clashes(file: Path, keys: bytes) -> frozenset[str]:
-    """Ids in lower case that several rows have; InputError where two are the very same.
-
-    Args:
-        keys: 16 bytes for each row, `_hash_key` of its id in lower case.
-    """
-    found, counts = np.unique(np.frombuffer(keys, dtype="V16"), return_counts=True)
-    twice = {bytes(key) for key in found[counts > 1]}
-    seen: dict[str, int] = {}
-    for line, row in _read(file) if twice else ():
-        if _hash_key(row.id.lower()) in twice:
-            first = seen.setdefault(row.id, line)
-            if first != line:
-                raise InputError(
-                    f"{file}, line {line}: the id {_quote(row.id)} is that of "
-                    f"line {first}; every row needs an id of its own"
-                )
-    return frozenset(identity.lower() for identity in seen)
 
 
 def _read(file: Path) -> Iterator[tuple[int, DatasetRow]]:

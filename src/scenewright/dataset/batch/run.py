@@ -7,18 +7,18 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.batch.answering import PLAINLY, Asking, check_asking, load_speaking_backend
-from scenewright.dataset.batch.carry_out import JOURNAL, BatchFolder, Engine, ProgressCallback
-from scenewright.dataset.batch.finish import finish
+from scenewright.dataset.batch.answering import PLAINLY, Asking, load_speaking_backend
+from scenewright.dataset.batch.carry_out import JOURNAL, BatchFolder, ProgressCallback, Work
+from scenewright.dataset.batch.finish import finish, list_journal_rows
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.rows import RowSource, read_source
 from scenewright.dataset.batch.worker import Job, Options, build_job
-from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.graph.run import MAX_SEED, REFINERS
 from scenewright.intersections import find_bundle_folder, load_map
@@ -27,30 +27,22 @@ from scenewright.time_limit import check_time_limit
 
 TITLE = "Traffic scenes in plain language"
 _SHARD = re.compile(r"([1-9]\d{0,5})/([1-9]\d{0,5})")
-MOST_WORKERS = 1024
-ROW_TIMEOUT, MOST_ROW_TIMEOUT = 1800.0, 86400.0
-"""Default of the longest that one row may take [s], and the largest value allowed."""
 
 
 @dataclass(frozen=True)
-class Request:
+class Request(Work):
     """What `batch` was asked for.
 
     Attributes:
         limit: only the first rows of the input; None: all.
         shard: (i, n): only every n-th row, from the i-th on, counted from 1.
-        row_timeout: longest that one row may take [s]; asking: how questions are put.
     """
 
     source: Path
     out: Path
     options: Options
-    workers: int = 1
-    engine: Engine = "process"
     limit: int | None = None
     shard: tuple[int, int] = (1, 1)
-    row_timeout: float = ROW_TIMEOUT
-    asking: Asking = PLAINLY
 
 
 @dataclass(frozen=True)
@@ -69,11 +61,6 @@ class Summary:
     codes: dict[str, int]
     complete: bool
     paid: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def made(self) -> int:
-        """Rows with a scene."""
-        return self.counts.get("made", 0)
 
 
 def parse_shard(text: str) -> tuple[int, int]:
@@ -98,17 +85,14 @@ def run_batch(request: Request, *, log: ProgressCallback = lambda _: None) -> Su
     name = JOURNAL if n == 1 else f"journal-{i}-of-{n}.jsonl"
     ours, all_jobs = _Jobs(source, request), _Jobs(source, replace(request, **_WHOLE))
     with BatchFolder(request.out, header=header, name=name) as batch:
-        now = batch.carry_out(
-            ours, of=len(ours), workers=request.workers, engine=request.engine,
-            limit=request.row_timeout, log=log,
-        )  # fmt: skip
+        now = batch.carry_out(ours, request, of=len(ours), log=log)
         with batch.lock_journals() as journal:
             summary = build_summary(ours, journal, now=now, every=all_jobs)
             if now or not (request.out / MANIFEST).exists():
                 about = {k: each for k, each in header.items() if k not in ("journal", "rows")}
                 finish(
-                    request.out, all_jobs, journal, about=about, given=source.rows,
-                    title=TITLE, complete=summary.complete,
+                    request.out, partial(list_journal_rows, journal, all_jobs), about=about,
+                    given=source.rows, title=TITLE, complete=summary.complete,
                 )  # fmt: skip
             return summary
 
@@ -121,23 +105,11 @@ def check_request(request: Request) -> None:
     options = request.options
     if not 0 <= options.seed <= MAX_SEED:
         raise InputError(f"a seed is a whole number from 0 to 2^63 - 1, got {options.seed}")
-    if not 1 <= request.workers <= MOST_WORKERS:
-        raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {request.workers}")
     if request.limit is not None and request.limit < 1:
         raise InputError(f"--limit is a number from 1, got {request.limit}")
-    require_tables()
-    check_row_timeout(request.row_timeout)
+    request.check_work()
     check_time_limit(request.options.time_limit)
-    check_asking(request.asking, one_machine=request.engine == "process")
     check_options(options, request.asking)
-
-
-def check_row_timeout(seconds: float) -> None:
-    """InputError for a limit that is none."""
-    if not 1.0 <= seconds <= MOST_ROW_TIMEOUT:
-        raise InputError(
-            f"--row-timeout is 1 to {MOST_ROW_TIMEOUT:g} seconds for one row, got {seconds:g}"
-        )
 
 
 def check_options(options: Options, asking: Asking = PLAINLY) -> None:

@@ -26,7 +26,7 @@ from scenewright.dataset.batch.run import (
     check_request,
     run_batch,
 )
-from scenewright.dataset.tables.coverage import Covered, build_bins, count_bins
+from scenewright.dataset.tables.coverage import Covered, build_bins, count_bins, list_encounters
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.graph.run import make_folder
@@ -48,6 +48,11 @@ BINS = 10
 """Into which the values of a number are divided, to see which of them were measured."""
 _FIELD = re.compile(r"(agents|relations|measures|context)(?:\[(\d+)\])?\.(\w+)")
 _TIME = re.compile(r"\d\d:\d\d")
+MEASURED = (
+    "event", "time", "speed_from", "speed_to", "closing_speed", "pet", "pet_time", "ttc",
+    "ttc_time", "worst_ttc", "worst_ttc_time",
+)  # fmt: skip
+"""Columns of the table for what is measured of the first event that was asked for."""
 _EVIDENCE = {"target_pet": "pet", "target_ttc": "path_ttc"}
 """Field of a relation -> what the checker measures of it."""
 
@@ -208,22 +213,26 @@ def run_sweep(
 
 
 def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) -> str:
-    """The table: each point's values, what became of it, and how many run a red light unasked.
+    """The table: each point's values, what became of it, and what was measured of its event.
 
-    A point is infeasible where its values are no plan, or no seed could make a scene of it; where
+    Beside each value that is asked for stands, as `... measured`, what the scene shows of it. A
+    point is infeasible where its values are no plan, or no seed could make a scene of it; where
     seeds were tried in vain it is not found.
     """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     paths = sorted({**plan.spreads, **plan.legs}, key=plan.get_line)
     place = ["intersection"] if plan.places else []
-    names = [*place, *map(format_path, paths)]
-    table.writerow(["point", *names, "status", "code", "reason", "folder", "red_lights"])
+    names = [*map(format_path, paths)]
+    shown = [*(f"{name} measured" for name in names), *MEASURED]
+    ends = ["status", "code", "reason", "folder", "red_lights"]
+    table.writerow(["point", *place, *names, *ends, *shown])
     header = build_batch_header(read_source(request.source), request.options)
     with Journal(request.out, name=None, header=header) as journal:
         number = 0
         for each in points:
             end = ["infeasible", "no_plan", each.fault, "", ""]
+            found: list[Any] = [""] * len(shown)
             if each.fault is None:
                 entry, number = journal.get_entry(number), number + 1
                 end = ["left", "", "", "", ""]
@@ -232,11 +241,24 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
                     if entry.status == "refused":
                         end[0] = "not_found" if entry.code in SEARCHED else "infeasible"
                     elif entry.status == "made":
-                        proof = read_proof(request.out / entry.folder / "proof.json")
+                        made = request.out / entry.folder
+                        proof = read_proof(made / "proof.json")
                         end[3:] = f"{SCENES}/{entry.folder}", str(proof.unasked_red_lights)
+                        found = _measure_point(made, names)
             values = [each.values.get(path, "") for path in paths]
-            table.writerow([each.name, *([each.place] if place else []), *values, *end])
+            table.writerow([each.name, *([each.place] if place else []), *values, *end, *found])
     return text.getvalue()
+
+
+def _measure_point(made: Path, names: Sequence[str]) -> list[Any]:
+    """What a scene shows of each field by name, then of `MEASURED`; empty where it shows none."""
+    scene, proof = (json.loads((made / f"{name}.json").read_bytes()) for name in ("scene", "proof"))
+    shown = list_encounters(scene, proof)
+    event = next((each for each in shown if each.get("asked") == "asked"), shown[0])
+    fields = (_measure_field(found, scene, proof) if (found := _FIELD.fullmatch(name)) else None
+              for name in names)  # fmt: skip
+    measured = [*fields, *(event.get(key) for key in MEASURED)]
+    return [round(each, 3) if isinstance(each, float) else each for each in measured]
 
 
 def measure_sweep(folder: Path) -> list[Covered]:
@@ -249,20 +271,18 @@ def measure_sweep(folder: Path) -> list[Covered]:
         return []
     table = (folder / TABLE).read_text("utf-8")
     rows: list[dict[str, Any]] = list(csv.DictReader(io.StringIO(table)))
-    fields = {name: found for name in rows[0] if (found := _FIELD.fullmatch(name))}
-    measured = []
-    for place in (folder / row["folder"] for row in rows if row["status"] == "made"):
-        scene, proof = (
-            json.loads((place / f"{name}.json").read_bytes()) for name in ("scene", "proof")
-        )
-        measured.append({n: _measure_field(found, scene, proof) for n, found in fields.items()})
+    if MEASURED[-1] not in rows[0]:
+        raise InputError(f"{folder / TABLE} has no measured columns; the same sweep writes them")
+    fields = [name for name in rows[0] if _FIELD.fullmatch(name)]
+    made = [row for row in rows if row["status"] == "made"]
+    measured = [{n: _read_cell(row[f"{n} measured"]) for n in fields} for row in made]
     covered = []
     for name in fields:
         tried = [row for row in rows if row[name] != ""]  # a place without such a leg has none
         points: list[Any] = [row[name] for row in tried]
         if len(set(points)) > BINS and all(map(_TIME.fullmatch, points)):
             points = [f"{time[:2]}:00" for time in points]
-            measured = [each | {name: f"{each[name][:2]}:00"} for each in measured]
+            measured = [each | {name: f"{each[name]}"[:2] + ":00"} for each in measured]
         try:
             points = list(map(float, points))
         except ValueError:
@@ -276,6 +296,14 @@ def measure_sweep(folder: Path) -> list[Covered]:
         shut = tuple(label for label in bins.labels if label not in may)
         covered.append(replace(counted, counts=counts, wanted=len(counts), shut=shut))
     return covered
+
+
+def _read_cell(text: str) -> str | float | None:
+    """What a cell of the table holds; None for nothing."""
+    try:
+        return float(text)
+    except ValueError:
+        return text or None
 
 
 def _choose_edges(points: FloatArray) -> list[float]:

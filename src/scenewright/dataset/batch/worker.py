@@ -16,7 +16,6 @@ from scenewright.dataset.batch.answering import (
     PLAINLY,
     Asking,
     Names,
-    label,
     load_speaking_backend,
 )
 from scenewright.dataset.batch.rows import Named, choose_seed
@@ -70,7 +69,7 @@ class Options:
 
     def list_settings(self) -> dict[str, Any]:
         """As plain JSON."""
-        found = {**asdict(self), "backend": label(self.backend)}
+        found = {**asdict(self), "backend": ", ".join(self.backend)}
         # A dataset begun before these were there must go on.
         unset = {name for name in ("lenient", "lawful", "max_agents") if not found[name]}
         unset |= {"draws"} if self.draws == 1 else set()

@@ -13,23 +13,17 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from scenewright.dataset.batch.answering import (
-    PLAINLY,
     Asking,
     Names,
     find_record_path,
     find_url,
     make_plain_name,
 )
-from scenewright.dataset.batch.carry_out import (
-    BatchFolder,
-    Engine,
-    ProgressCallback,
-    ProgressClock,
-)
+from scenewright.dataset.batch.carry_out import BatchFolder, Progress, ProgressCallback, Work
 from scenewright.dataset.batch.pool import spread
-from scenewright.dataset.batch.run import ROW_TIMEOUT
 from scenewright.dataset.batch.worker import Job, Options
 from scenewright.dataset.orders.order_spec import OrderSpec
 from scenewright.dataset.orders.wording import (
@@ -50,7 +44,7 @@ FEW = 12
 
 
 @dataclass(frozen=True)
-class Order:
+class Order(Work):
     """What the agent was asked for.
 
     Attributes:
@@ -59,8 +53,8 @@ class Order:
             their scenes are the test split.
         writer: name of the writer of the instructions.
         budget: most instructions; None: twice the scenes + 20.
-        row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
-            are asked, each has a file of answers of its own beside the one that is named.
+        asking: where several are asked, each has a file of answers of its own beside the one that
+            is named.
     """
 
     text: str
@@ -70,11 +64,7 @@ class Order:
     places: tuple[str, ...] = ()
     writer: str = "builtin"
     budget: int | None = None
-    workers: int = 1
-    engine: Engine = "process"
     title: str = "Traffic scenes to order"
-    row_timeout: float = ROW_TIMEOUT
-    asking: Asking = PLAINLY
 
     @property
     def all_places(self) -> tuple[str, ...]:
@@ -134,10 +124,8 @@ def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
         slots.update({slot.number: slot for slot in due})
         write_instructions(due, context)
         jobs = build_jobs(order, context.book.entries, [*slots.values()], context.asking)
-        context.batch.carry_out(  # what is done is left alone
-            jobs, of=len(jobs), workers=order.workers, engine=order.engine,
-            limit=order.row_timeout, log=context.log,
-        )  # fmt: skip
+        # What is done is left alone.
+        context.batch.carry_out(jobs, order, of=len(jobs), log=context.log)
         for slot in due:
             name = slot.row
             done = context.batch.journal.get_entry(context.book.number[name])
@@ -148,31 +136,30 @@ def fill_slots(context: OrderContext) -> tuple[Slot, ...]:
     return tuple(slots.values())
 
 
-def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
-    """Words each slot that has no instruction of this attempt yet, and enters it in the book."""
-    new = [slot for slot in due if not context.book.find(slot.number, slot.attempts)]
-    for entry in _word_slots(new, context):
-        context.book.add(entry)
-
-
 def build_slots(wish: OrderSpec, *, seed: int, places: Sequence[str]) -> Iterator[Slot]:
     """A slot for each scene; each quota's patterns in turn, in an order that the seed decides.
 
-    Places take turns as well, begun one later when all patterns had their turn.
+    A place is one with the fewest slots so far, of these one with the fewest of the pattern. The
+    slots of a quota lie at equal distances in the day, in an order that the seed decides as well.
     """
-    number, names = 0, _choose_id_prefixes(wish)
+    number, names, used = 0, _choose_id_prefixes(wish), Counter[Any]()
     for quota in wish.quotas:
         key = quota.name if quota.place is None else f"{quota.place}-{quota.name}"
         rng = make_rng(seed, key)
         leaves = [quota.leaves[int(k)] for k in rng.permutation(len(quota.leaves))]
         name = quota.name if quota.backend is None else f"{names[quota.backend]}-{quota.name}"
         digits = max(len(str(quota.count)), 2)
+        # Of small quotas, each begins elsewhere in the day.
+        shares = (rng.permutation(quota.count) + 0.618 * number % 1.0) / quota.count
         for k in range(quota.count):
             turned = leaves[k % len(leaves) :] + leaves[: k % len(leaves)] if leaves else []
-            count = f"{k + 1:0{digits}d}"
-            turn, pattern = divmod(k, max(len(leaves), 1))
-            place = places[(turn + pattern) % len(places)]
-            yield Slot(number, f"{name}-{count}", f"{key}-{count}", quota, tuple(turned), place)
+            count, leaf = f"{k + 1:0{digits}d}", tuple(turned[:1])
+            place = min(places, key=lambda each, leaf=leaf: (used[each], used[leaf, each]))  # type: ignore[misc]
+            used.update((place, (leaf, place)))
+            yield Slot(
+                number, f"{name}-{count}", f"{key}-{count}", quota, tuple(turned), place,
+                float(shares[k]),
+            )  # fmt: skip
             number += 1
 
 
@@ -187,27 +174,31 @@ def _choose_id_prefixes(wish: OrderSpec) -> dict[str, str]:
     }
 
 
-def _word_slots(slots: Sequence[Slot], context: OrderContext) -> Iterator[OrderEntry]:
-    """Word slots in their order; templates on all workers, as each text is read back."""
+def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
+    """Words each slot that has no instruction of this attempt yet, and enters it in the book.
+
+    In the order of the slots; templates on all workers, as each text is read back.
+    """
+    book, order = context.book, context.order
     tasks = []
-    for slot in slots:
-        earlier = (context.book.find(slot.number, k) for k in range(1, slot.attempts))
+    for slot in (each for each in due if not book.find(each.number, each.attempts)):
+        earlier = (book.find(slot.number, k) for k in range(1, slot.attempts))
         texts = tuple(each.text for each in earlier if each is not None)
-        tasks.append(WordingTask(slot, context.order.wish, context.order.options, texts))
-    clock = ProgressClock(len(tasks), context.log, what="texts")
+        tasks.append(WordingTask(slot, order.wish, order.options, texts))
+    progress = Progress(len(tasks), context.log, what="texts")
     if len(tasks) < FEW or any(each.name != "builtin" for each in context.writers.values()):
         for task in tasks:
-            yield word_slot(task, context.writers[task.slot.intersection], context.book.texts)
-            clock.log_end("made", now=True)
+            book.add(word_slot(task, context.writers[task.slot.intersection], book.texts))
+            progress.log_end("made", now=True)
         return
     done: dict[int, OrderEntry] = {}
     waiting = deque(task.slot.number for task in tasks)
-    for task, result in spread(tasks, word_by_templates, workers=context.order.workers):
+    for task, result in spread(tasks, word_by_templates, workers=order.workers):
         worded = result if isinstance(result, OrderEntry) else word_by_templates(task)
         done[task.slot.number] = worded
-        clock.log_end("made", now=True)
+        progress.log_end("made", now=True)
         while waiting and waiting[0] in done:
-            yield done.pop(waiting.popleft())
+            book.add(done.pop(waiting.popleft()))
 
 
 def build_jobs(
@@ -225,8 +216,7 @@ def build_jobs(
                 options, intersection=entry.intersection or options.intersection,
                 backend=tuple(entry.backend), base_url=find_url(entry.backend, options.base_url),
             ),
-            context={} if entry.background is None else {"background": entry.background},
-            asked=entry.event, voice=entry.voice,
+            context=entry.context, asked=entry.event, voice=entry.voice,
             wanted=slots[entry.slot].quota.leaves,
             split="test" if entry.intersection in order.held else None,
             asking=asking[tuple(entry.backend)],

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from importlib import resources
+from typing import Any
 
 from scenewright.backends import Question, load_backend
+from scenewright.backends.offline import VOCABULARY, time_words_in
+from scenewright.dataset.orders.scenario_spec import format_clock
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass
 from scenewright.scene.events import EVENT_OF_RELATION
@@ -19,68 +24,20 @@ MOST = 100_000
 EXAMPLE = '"40 collisions and 50 yields at rush hour"'
 
 
-def _list(words: str) -> list[str]:
-    return words.split()
-
-
-_UNITS = _list(
-    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen "
-    "sixteen seventeen eighteen nineteen"
+WORDS: Mapping[str, Any] = tomllib.loads(
+    resources.files("scenewright.dataset.orders").joinpath("words.toml").read_text("utf-8")
 )
-_TENS = _list("zero ten twenty thirty forty fifty sixty seventy eighty ninety")
+_KINDS: Mapping[str, list[str]] = WORDS["kinds"]
+_MEANS: Mapping[str, list[str]] = WORDS["means"]
+_RIDERS: Mapping[str, AgentClass] = WORDS["riders"]
+_EMPTY, _STOPS = (frozenset(WORDS["lists"][name]) for name in ("empty", "stops"))
 _LARGE = {"hundred": 100, "thousand": 1000, "dozen": 12, "score": 20}
+_NUMBERS = VOCABULARY["words"]["numbers"]
 _NUMBER_WORDS = {
-    **{word: value for value, word in enumerate(_UNITS)},
-    **{word: 10 * value for value, word in enumerate(_TENS) if value > 1},
+    **{word: value for value, word in enumerate(_NUMBERS["to_twenty"])},
+    **{word: value for word, value in _NUMBERS["others"].items() if 20 < value < 100},
     "a": 1, "an": 1, "couple": 2,
 }  # fmt: skip
-_KINDS: Mapping[str, frozenset[str]] = {
-    "collide_at": frozenset(
-        _list("collision crash accident strike impact collide hit wreck tbone")
-    ),
-    "near_miss": frozenset(["near_miss", "miss", "call", "near"]),
-    "yield_to": frozenset(_list("yield yielding giveway give way")),
-    "follow": frozenset(_list("follow following platoon")),
-    NORMAL: frozenset(_list("normal ordinary uneventful quiet plain regular routine")),
-}
-"""Words that name a relation."""
-_MEANS: Mapping[str, tuple[str, ...]] = {
-    "ped": ("pedestrian",), "walker": ("pedestrian",), "strike": ("pedestrian", "strike"),
-    "car": ("vehicle",), "veh": ("vehicle",), "cars": ("vehicle",),
-    "tbone": ("straight", "crossing"), "angle": ("straight", "crossing"),
-    "jaywalking": ("mid", "block"), "jaywalker": ("mid", "block"), "midblock": ("mid", "block"),
-    "turning": ("turn",), "oncoming": ("opposite",), "rearend": ("rear", "end"),
-    "headon": ("head",), "swipe": ("sideswipe",), "on": (),
-}  # fmt: skip
-"""Synonyms of words of the taxonomy."""
-_RIDERS: Mapping[str, AgentClass] = {
-    "cyclist": "cyclist", "bicyclist": "cyclist", "bicycle": "cyclist", "bike": "cyclist",
-    "scooter": "scooter", "escooter": "scooter",
-}  # fmt: skip
-"""Words that name a class of riders; the relations know riders alone."""
-_EMPTY = frozenset(
-    _list(
-        "scene scenes event events of the a an with case cases example examples call calls close "
-        "different varied various diverse some more kind kinds type types each every pattern "
-        "patterns leaf leaves conflict conflicts traffic safety critical situation all any"
-    )
-)
-_STOPS = frozenset(
-    _list(
-        "at in on during around about between before after by from for over under near as please "
-        "where when while which that who"
-    )
-)
-_WINDOWS: Mapping[str, tuple[tuple[int, int], ...]] = {
-    "morning rush": ((390, 600),), "evening rush": ((930, 1170),), "afternoon rush": ((930, 1170),),
-    "rush hour": ((390, 600), (930, 1170)), "rush": ((390, 600), (930, 1170)),
-    "early morning": ((240, 510),), "dawn": ((270, 450),), "lunch": ((660, 870),),
-    "noon": ((660, 780),), "morning": ((390, 720),), "afternoon": ((720, 1080),),
-    "dusk": ((990, 1290),), "late night": ((1290, 1440), (0, 240)),
-    "midnight": ((1410, 1440), (0, 30)),
-    "evening": ((1020, 1320),), "night": ((1140, 1440), (0, 330)),
-}  # fmt: skip
-"""Words for times -> ranges [minutes of the day] (SEMANTICS section 3), the longest first."""
 _KNOWN_KINDS = (
     "there are collisions, near misses, yields, follows and normal scenes, by pattern such as "
     "rear-end, head-on, sideswipe, left-turn, pedestrian, mid-block"
@@ -119,11 +76,13 @@ class OrderSpec:
     Attributes:
         windows: ranges of the day [min]; none: all day.
         context: density and background numbers that every scene shall have.
+        even: whether times of day have equal shares of it, else those of traffic.
     """
 
     quotas: tuple[Quota, ...]
     windows: tuple[tuple[int, int], ...] = ()
     context: SceneContext = field(default_factory=SceneContext)
+    even: bool = True
 
     @property
     def count(self) -> int:
@@ -133,14 +92,15 @@ class OrderSpec:
     def lines(self) -> list[str]:
         """What was understood, for people."""
         times = ", ".join(
-            f"{_format_clock(start)}-{_format_clock(end)}" for start, end in self.windows
+            f"{format_clock(start)}-{format_clock(end)}" for start, end in self.windows
         )
         parts = [f"{q.count} x {q.name} ({len(q.leaves)} patterns)" for q in self.quotas]
-        return [*parts, f"time of day: {times or 'any'}; density: {self.context.density or 'any'}"]
-
-
-def _format_clock(minute: int) -> str:
-    return f"{minute // 60 % 24:02d}:{minute % 60:02d}"
+        hours = "evenly" if self.even else "as in traffic"
+        return [
+            *parts,
+            f"time of day: {times or 'any'}; density: {self.context.density or 'any'}",
+            f"shares: patterns and places evenly, times of day {hours}",
+        ]
 
 
 def read_order(text: str) -> OrderSpec:
@@ -169,8 +129,17 @@ def read_order(text: str) -> OrderSpec:
             f"the order names no count of scenes of a known kind; say, for instance, {EXAMPLE}; "
             f"{_KNOWN_KINDS}"
         )
-    _refuse_unread(" ".join(rest))
-    wish = OrderSpec(tuple(_merge_quotas(quotas)), *_parse_setting(" ".join(rest)))
+    said = " ".join(rest)
+    even = not _AS_IN_TRAFFIC.search(said)
+    said = _AS_IN_TRAFFIC.sub(" ", said)
+    named = " ".join(found["what"] for found in _EVENLY.finditer(said) if found["what"])
+    others = {*named.replace(",", " ").split()} - {"and", "all", "of", "day"} - {*_SHARED}
+    if others:
+        known = ", ".join(_SHARED)
+        raise InputError(f"an order cannot balance {sorted(others)[0]!r}; it balances {known}")
+    said = _EVENLY.sub(" ", said)
+    _refuse_unread(said)
+    wish = OrderSpec(tuple(_merge_quotas(quotas)), *_parse_setting(said), even)
     if wish.count > MOST:
         raise InputError(f"an order is of at most {MOST} scenes, this one of {wish.count}")
     return wish
@@ -286,30 +255,28 @@ def _build_quota(name: str, count: int, found: list[Pattern]) -> Quota:
 
 
 def _spread(found: list[Pattern], count: int) -> list[Quota]:
-    """A count without a kind: even over the patterns, each named by its event."""
-    share, more = divmod(count, len(found))
-    quotas: dict[str, list[tuple[Pattern, int]]] = {}
-    for number, pattern in enumerate(found):
-        quotas.setdefault(EVENT_OF_RELATION[pattern.relation], []).append(
-            (pattern, share + (number < more))
-        )
+    """A count without a kind: even over the kinds of events, each named by its own."""
+    kinds: dict[str, list[Pattern]] = {}
+    for pattern in found:
+        kinds.setdefault(EVENT_OF_RELATION[pattern.relation], []).append(pattern)
+    share, more = divmod(count, len(kinds))
     return [
-        Quota(name, sum(n for _, n in each), name, tuple(p.id for p, n in each if n))
-        for name, each in quotas.items()
-        if sum(n for _, n in each)
+        _build_quota(name, share + (number < more), patterns)
+        for number, (name, patterns) in enumerate(kinds.items())
+        if share + (number < more)
     ]
 
 
-def _get_meaning(word: str, kind_named: bool) -> tuple[str, ...]:
+def _get_meaning(word: str, kind_named: bool) -> list[str]:
     """What a word asks of a pattern; words of the kind itself and empty ones ask nothing."""
     stem = _make_singular(word)
     if word in _EMPTY or word == "and":
-        return ()
+        return []
     if stem in _RIDERS:
-        return ("rider",)
+        return ["rider"]
     if stem in _MEANS:
         return _MEANS[stem]
-    return () if kind_named and _find_kind(word) else (stem,)
+    return [] if kind_named and _find_kind(word) else [stem]
 
 
 def _list_vocabulary(pattern: Pattern) -> frozenset[str]:
@@ -336,13 +303,10 @@ def _refuse_unread(rest: str) -> None:
     """Refuse what an order says besides counts, one time of day and the traffic."""
     if shares := _SHARES.search(rest):
         raise InputError(
-            f"an order has counts, no shares ({shares[0]!r}); say how many of each kind, and "
-            "`coverage --fill` orders what a dataset lacks"
+            f"an order has counts, no shares ({shares[0]!r}): what it leaves open it shares out "
+            "evenly; say how many of each kind, or `times as in traffic`"
         )
-    left, times = rest, list[str]()
-    for pattern in (*(rf"\b{words}\b" for words in _WINDOWS), _CLOCK):
-        times += re.findall(pattern, left)
-        left = re.sub(pattern, " ", left)
+    times = [*time_words_in(rest), *re.findall(_CLOCK, rest)]
     if len({*times}) > 1 and not re.search(r"\b(?:between|from|to|until)\b", rest):
         raise InputError(
             f"an order has one time of day, this one {' and '.join(times)}; make an order for each"
@@ -352,7 +316,14 @@ def _refuse_unread(rest: str) -> None:
         raise InputError(f"the order says what no scene can have: {named}; {_KNOWN_KINDS}")
 
 
-_SHARES = re.compile(r"\b(?:balanced?|evenly|equal(?:ly)?|spread|proportion\w*|percent|share\w*)\b")
+_SHARES = re.compile(r"\b(?:proportion\w*|percent|share\w*)\b")
+_SHARED: list[str] = WORDS["lists"]["shared"]
+_ANY_SHARED = "|".join(_SHARED)
+_AS_IN_TRAFFIC = re.compile(rf"\b(?:{_ANY_SHARED})(?: of (?:the )?day)? as in (?:real )?traffic\b")
+_EVENLY = re.compile(
+    rf"\b(?:evenly|equally)(?: (?:spread|over|across|and|,|the|all|of day|{_ANY_SHARED})\b)*|"
+    r"\b(?P<what>(?:[a-z]+ (?:, )?(?:and |, ))*[a-z]+) balanced\b"
+)
 _CLOCK = r"\b\d{1,2}(?:[:.]\d\d)? (?:am|pm)\b|\b\d{1,2}:\d\d\b"
 
 
@@ -361,8 +332,13 @@ def _parse_setting(rest: str) -> tuple[tuple[tuple[int, int], ...], SceneContext
     facts = {"instruction": f"Ordinary traffic {rest}", "previous": None, "legs": _LEGS}
     reply = load_backend().answer(Question(task="plan", facts=facts))
     context = SceneContext.model_validate(reply.get("context") or {})
-    named = next((_WINDOWS[words] for words in _WINDOWS if re.search(rf"\b{words}\b", rest)), None)
-    if named is None and context.time_of_day is not None:
-        ends = [60 * int(part[:2]) + int(part[3:]) for part in context.time_of_day.split("-")]
-        named = ((ends[0], ends[-1]),)
-    return named or (), context.model_copy(update={"time_of_day": None})
+    named = time_words_in(rest)[:1]
+    spans = VOCABULARY["times_of_day"][named[0]]["ranges"] if named else []
+    if not named and context.time_of_day is not None:
+        spans = [context.time_of_day]
+    windows: list[tuple[int, int]] = []
+    for span in spans:
+        ends = [60 * int(part[:2]) + int(part[3:]) for part in span.split("-")]
+        begin, end = ends[0], ends[-1]
+        windows += [(begin, end)] if begin <= end else [(begin, 24 * 60), (0, end)]
+    return tuple(windows), context.model_copy(update={"time_of_day": None})

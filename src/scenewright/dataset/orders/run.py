@@ -6,34 +6,22 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.batch.answering import (
-    Asking,
-    Names,
-    check_asking,
-    find_record_path,
-    find_url,
-)
+from scenewright.dataset.batch.answering import Asking, Names, find_record_path, find_url
 from scenewright.dataset.batch.carry_out import BatchFolder, ProgressCallback
-from scenewright.dataset.batch.finish import finish
+from scenewright.dataset.batch.finish import finish, list_journal_rows
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
-from scenewright.dataset.batch.run import (
-    MOST_WORKERS,
-    check_options,
-    check_row_timeout,
-    hash_bundle,
-    list_settings,
-)
+from scenewright.dataset.batch.run import check_options, hash_bundle, list_settings
 from scenewright.dataset.batch.worker import format_json_line
 from scenewright.dataset.orders.agent import Order, OrderContext, build_jobs, fill_slots
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
 from scenewright.dataset.orders.wording import BOOK, Book, Slot
 from scenewright.dataset.orders.writers import load_writer
-from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map
@@ -73,10 +61,10 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
             report = report_of(order, slots, book, journal)
             if before != _list_sizes(order.out) or not (order.out / MANIFEST).exists():
                 write_atomically(order.out / REPORT, format_json_line(report))
+                jobs = build_jobs(order, book.entries, slots, speakers)
                 finish(
                     order.out,
-                    build_jobs(order, book.entries, slots, speakers),
-                    journal,
+                    partial(list_journal_rows, journal, jobs),
                     about={key: value for key, value in header.items() if key != "journal"},
                     given=len(book.entries),
                     title=order.title,
@@ -88,13 +76,9 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
 
 def check_order(order: Order, speakers: Mapping[Names, Asking]) -> None:
     """InputError where an option cannot be used."""
-    if not 1 <= order.workers <= MOST_WORKERS:
-        raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {order.workers}")
+    order.check_work()
     if order.most < order.wish.count:
         raise InputError(f"a budget of {order.most} is below the {order.wish.count} scenes ordered")
-    require_tables()
-    check_row_timeout(order.row_timeout)
-    check_asking(order.asking, one_machine=order.engine == "process")
     url = order.options.base_url
     all_names = [*(name for names in speakers for name in names), order.writer]
     if url is not None and find_url(all_names, url) is None:
@@ -114,7 +98,7 @@ def build_order_header(order: Order) -> dict[str, Any]:
     from scenewright import __version__
 
     return {
-        "journal": 2,
+        "journal": 3,
         "scenewright": __version__,
         "order": order.text,
         "writer": order.writer,
@@ -130,16 +114,19 @@ def build_order_header(order: Order) -> dict[str, Any]:
 def report_of(order: Order, slots: Sequence[Slot], book: Book, journal: Journal) -> dict[str, Any]:
     """What was wanted, what there is, and why the rest could not be."""
     quotas = [_report_quota(quota, slots, book, journal, order.out) for quota in order.wish.quotas]
+    made = [book.entries[book.number[slot.filled]] for slot in slots if slot.filled is not None]
     return {
         "order": order.text,
         "understood": order.wish.lines(),
         "filled": all(slot.filled is not None for slot in slots),
-        "scenes": sum(slot.filled is not None for slot in slots),
+        "scenes": len(made),
         "waiting": sum(slot.waiting for slot in slots),
         "instructions": len(book.entries),
         "budget": order.most,
         "by the builtin writer": sum(entry.voice in VOICES for entry in book.entries),
         "held_out": list(order.held),
+        "places": dict(sorted(Counter(each.intersection for each in made).items())),
+        "hours": dict(sorted(Counter(each.time[:2] for each in made if each.time).items())),
         "voices": dict(sorted(Counter(entry.voice for entry in book.entries).items())),
         "quotas": quotas,
     }

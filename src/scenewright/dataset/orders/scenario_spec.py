@@ -55,7 +55,12 @@ class Story:
     @property
     def clock(self) -> str | None:
         """HH:MM."""
-        return None if self.minute is None else f"{self.minute // 60:02d}:{self.minute % 60:02d}"
+        return None if self.minute is None else format_clock(self.minute)
+
+
+def format_clock(minute: int) -> str:
+    """A minute of the day as HH:MM."""
+    return f"{minute // 60 % 24:02d}:{minute % 60:02d}"
 
 
 def list_parties(
@@ -153,11 +158,18 @@ def _get_shape(pattern: Pattern) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def draw_minute(windows: Sequence[tuple[int, int]], rng: np.random.Generator) -> int:
-    """A minute of the day from one of the windows, each minute as likely; full fives more often."""
-    spans = [max(end - start, 1) for start, end in windows] or [24 * 60]
-    starts = [start for start, _ in windows] or [0]
-    which = int(rng.choice(len(spans), p=np.array(spans) / sum(spans)))
-    at = int(rng.integers(spans[which]))
-    coarse = at - at % (30 if rng.random() < 0.5 else 5)
-    return (starts[which] + coarse) % (24 * 60)
+def draw_minute(
+    windows: Sequence[tuple[int, int]], rng: np.random.Generator, share: float | None = None
+) -> int:
+    """A minute of the day from windows, full fives more often.
+
+    Args:
+        share: how far into the windows, from 0 to 1; None: each minute as likely.
+    """
+    windows = windows or [(0, 24 * 60)]
+    spans = [max(end - start, 1) for start, end in windows]
+    at = int((rng.random() if share is None else share) * sum(spans))
+    which = int(np.searchsorted(np.cumsum(spans), at, side="right"))
+    within = at - sum(spans[:which])
+    coarse = within - within % (30 if rng.random() < 0.5 else 5)
+    return (windows[which][0] + coarse) % (24 * 60)

@@ -11,30 +11,15 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from scenewright.dataset.orders.order_spec import WORDS
 from scenewright.dataset.orders.scenario_spec import Party, Story, has_likelier_twin
 from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import get_pattern
 
 ItemT = TypeVar("ItemT")
 
-VEHICLES: Mapping[str, float] = {
-    "car": 6, "sedan": 2, "taxi": 2, "cab": 1, "SUV": 2, "van": 2, "minivan": 1, "hatchback": 1,
-    "truck": 2, "delivery truck": 1, "bus": 1.5, "school bus": 0.5, "motorcycle": 1,
-}  # fmt: skip
-PEDESTRIANS: Mapping[str, float] = {
-    "pedestrian": 6, "woman": 1, "man": 1, "child": 1, "jogger": 1, "person": 1,
-}  # fmt: skip
-_NOUNS: Mapping[AgentClass, Mapping[str, float]] = {
-    "vehicle": VEHICLES, "pedestrian": PEDESTRIANS,
-    "cyclist": {"cyclist": 6, "bicyclist": 1, "bike": 1},
-    "scooter": {"e-scooter": 4, "e-scooter rider": 1},
-}  # fmt: skip
-_RUNS: Mapping[AgentClass, tuple[str, ...]] = {
-    "vehicle": ("that runs a red light", "running a red light"),
-    "pedestrian": ("against a red light", "on red"),
-    "cyclist": ("who runs a red light", "running a red light"),
-    "scooter": ("that runs a red light", "running a red light"),
-}
+_NOUNS: Mapping[AgentClass, Mapping[str, float]] = WORDS["nouns"]
+_RUNS: Mapping[AgentClass, list[str]] = WORDS["runs"]
 _SURELY_ON_FOOT = ("pedestrian", "jogger")
 """Nouns of one that hits another pedestrian; a man or a woman that does might be driving."""
 
@@ -48,37 +33,7 @@ class Verb(NamedTuple):
     passive: str | None = None
 
 
-_DENSITIES: Mapping[str, tuple[str, ...]] = {
-    "low": ("light traffic", "sparse traffic", "low density", "quiet streets"),
-    "medium": ("medium traffic", "moderate traffic", "average traffic", "medium density"),
-    "high": ("heavy traffic", "dense traffic", "busy traffic", "high density"),
-}
-_PASSING = (
-    "{0} and {1} pass the intersection, nothing happens",
-    "{0} and {1} go through the junction, nothing happens",
-    "{0} and {1} cross the intersection without incident",
-)
-_NORMAL = (
-    "Ordinary traffic", "Normal traffic, nothing happens", "Regular traffic without incident",
-    "Everyday traffic, no conflicts", "Normal scene, no collisions and no near misses",
-    "Traffic as usual, nobody gets in anybody's way",
-)  # fmt: skip
-VOICES: Mapping[str, str] = {
-    "plain": "{Event}{at}{in}.",
-    "setting first": "{At}{in}, {event}.",
-    "request": "Please simulate the following{at}{in}: {event}.",
-    "wish": "I need a scene in which {event}{at}{in}.",
-    "polite": "Could you make a scene where {event}{at}{in}?",
-    "telegraph": "{Event}. {Density}. {Clock}.",
-    "headline": "{EVENT}{IN}{AT}",
-    "report": "{Past}. It was {clock}{with}.",
-    "small talk": "so there's {first}, and it {verb} {second}{in}{at}",
-    "two looks": "There is {second}. {First} {verb} {second again}. {Density}, {clock}.",
-    "passive": "{Passive}{at}{in}.",
-    "list": "Scene: {event}. Time: {clock}. Traffic: {level}.",
-    "phrase": "{Own}{at}{in}.",
-}
-"""Name -> text. Parts of a setting that is not given are left out."""
+VOICES: Mapping[str, str] = WORDS["voices"]
 
 
 def list_voices(story: Story) -> list[str]:
@@ -102,25 +57,36 @@ def _has_all(text: str, story: Story) -> bool:
 
 def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
     """The story as text in that voice."""
+    parts: dict[str, str] = {}
     if story.leaf is None:
-        return _render_normal(story, voice, rng)
-    pattern = get_pattern(story.leaf)
-    names, nouns = _draw_nouns(story, rng)
-    verb = _draw_one([Verb(*each) for each in pattern.find_kind("verbs").verbs], rng)
-    event = f"{nouns[0]} {verb.present} {nouns[1]}"
-    passive = verb.passive and f"{nouns[1]} is {verb.passive} {nouns[0]}"
-    setting = _render_setting(story, rng)
-    text, own = VOICES[voice], _draw_one(pattern.phrases, rng)
-    parts = {
-        **setting,
+        event = _draw_one(WORDS["normal"]["nobody"], rng)
+        if story.parties:
+            event = _draw_one(WORDS["normal"]["passing"], rng).format(*_draw_nouns(story, rng)[1])
+        event = past = event[0].lower() + event[1:]
+        parts |= _render_setting(story, rng)
+    else:
+        pattern = get_pattern(story.leaf)
+        names, nouns = _draw_nouns(story, rng)
+        verb = _draw_one([Verb(*each) for each in pattern.find_kind("verbs").verbs], rng)
+        event = f"{nouns[0]} {verb.present} {nouns[1]}"
+        past = f"{nouns[0]} {verb.past} {nouns[1]}"
+        passive = f"{nouns[1]} is {verb.passive} {nouns[0]}" if verb.passive else event
+        parts |= _render_setting(story, rng)
+        own = _draw_one(pattern.phrases, rng)
+        parts |= {
+            "Passive": _capitalize(passive), "verb": verb.present,
+            "first": nouns[0], "First": _capitalize(nouns[0]), "second": nouns[1],
+            "second again": f"the {names[1]}",
+            "Own": _capitalize(own.replace("{from}", nouns[0]).replace("{to}", nouns[1])),
+        }  # fmt: skip
+    parts |= {
         "event": event, "Event": _capitalize(event), "EVENT": event.upper(),
-        "Past": _capitalize(f"{nouns[0]} {verb.past} {nouns[1]}"),
-        "Passive": _capitalize(passive or event),
-        "first": nouns[0], "First": _capitalize(nouns[0]), "second": nouns[1], "verb": verb.present,
-        "second again": f"the {names[1]}",
-        "Own": _capitalize(own.replace("{from}", nouns[0]).replace("{to}", nouns[1])),
+        "Past": _capitalize(past),
     }  # fmt: skip
-    return _fill(text, parts)
+    text = VOICES[voice]
+    for name, words in parts.items():
+        text = text.replace("{" + name + "}", words)
+    return " ".join(text.replace(" .", ".").replace("..", ".").replace(" ,", ",").split())
 
 
 def _draw_nouns(story: Story, rng: np.random.Generator) -> tuple[list[str], list[str]]:
@@ -138,28 +104,10 @@ def _draw_nouns(story: Story, rng: np.random.Generator) -> tuple[list[str], list
     return names, nouns
 
 
-def _render_normal(story: Story, voice: str, rng: np.random.Generator) -> str:
-    low = _draw_one(_NORMAL, rng)
-    if story.parties:
-        low = _draw_one(_PASSING, rng).format(*_draw_nouns(story, rng)[1])
-    low, event = low[0].lower() + low[1:], _capitalize(low)
-    parts = {
-        **_render_setting(story, rng),
-        "event": low, "Event": event, "EVENT": event.upper(), "Past": event,
-    }  # fmt: skip
-    return _fill(VOICES[voice], parts)
-
-
-def _fill(text: str, parts: Mapping[str, str]) -> str:
-    for name, words in parts.items():
-        text = text.replace("{" + name + "}", words)
-    return " ".join(text.replace(" .", ".").replace("..", ".").replace(" ,", ",").split())
-
-
 def _render_setting(story: Story, rng: np.random.Generator) -> dict[str, str]:
     """Words for time and density, empty where they are not given."""
     clock = "" if story.minute is None else _format_clock(story.minute, rng)
-    density = "" if story.density is None else _draw_one(_DENSITIES[story.density], rng)
+    density = "" if story.density is None else _draw_one(WORDS["densities"][story.density], rng)
     within = f" {_draw_one(('in', 'with'), rng)} {density}" if density else ""
     at = f" at {clock}" if clock else ""
     return {

@@ -7,7 +7,6 @@ killed goes on with the same texts, written by a model or not.
 from __future__ import annotations
 
 import json
-import os
 import zlib
 from collections.abc import Collection
 from dataclasses import asdict, dataclass
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.dataset.batch.answering import BUILTIN, Names
+from scenewright.dataset.batch.journal import cut_torn_line
 from scenewright.dataset.batch.worker import Options, format_json_line
 from scenewright.dataset.orders.order_spec import OrderSpec, Quota
 from scenewright.dataset.orders.scenario_spec import (
@@ -25,6 +25,7 @@ from scenewright.dataset.orders.scenario_spec import (
     Story,
     draw_minute,
     draw_passers,
+    format_clock,
     list_parties,
 )
 from scenewright.dataset.orders.templates import list_voices, render_text
@@ -45,8 +46,10 @@ class OrderEntry:
     Attributes:
         id: of its row; slot: which of the order's scenes it is for; attempt: from 1 on.
         event, leaf: what it is to show; voice: how it is worded.
-        backend: name of the planner; background: numbers that the order fixes.
-        intersection: where it happens, if the order names several places.
+        backend: name of the planner; intersection: where it happens.
+        context: what the scene's context has beside the text: numbers that the order fixes, and
+            the time of day where the text gives none.
+        time: of day, HH:MM, where the order sees to it.
     """
 
     id: str
@@ -58,8 +61,9 @@ class OrderEntry:
     text: str
     seed: int
     backend: list[str]
-    background: dict[str, Any] | None = None
-    intersection: str | None = None
+    context: dict[str, Any]
+    intersection: str
+    time: str | None = None
 
 
 class Book:
@@ -78,12 +82,10 @@ class Book:
         """
         self._file = folder / BOOK
         self._file.touch()
-        data = self._file.read_bytes()
-        whole = data[: data.rfind(b"\n") + 1]
-        if len(whole) < len(data):
-            os.truncate(self._file, len(whole))
+        cut_torn_line(self._file)
         try:
-            self.entries = [OrderEntry(**json.loads(line)) for line in whole.splitlines()]
+            lines = self._file.read_bytes().splitlines()
+            self.entries = [OrderEntry(**json.loads(line)) for line in lines]
         except (ValueError, TypeError) as error:
             raise InputError(f"{self._file} is damaged; begin in another folder") from error
         self._known = {(each.slot, each.attempt): each for each in self.entries}
@@ -121,6 +123,7 @@ class Slot:
     Attributes:
         name: begins the ids of its rows; key: what chance goes by.
         leaves: patterns to try, one after the other; intersection: where it happens.
+        share: how far into the hours of the order it lies, from 0 to 1.
         attempts: made so far; filled: id of the row that serves it.
         waiting: whether its backend could not be reached, so that no other words would help.
     """
@@ -131,6 +134,7 @@ class Slot:
     quota: Quota
     leaves: tuple[str, ...]
     intersection: str
+    share: float
     attempts: int = 0
     filled: str | None = None
     waiting: bool = False
@@ -181,20 +185,29 @@ def word_slot(task: WordingTask, writer: Writer, taken: Collection[str]) -> Orde
     rng = make_rng(options.seed, slot.key, slot.attempts)
     turn = slot.number + 5 * (slot.attempts - 1)
     asked = StoryRequest(turn, task.earlier, taken, choose_planner(slot, options) == BUILTIN)
+    wish, minute = task.wish, None
+    if wish.windows or wish.even:
+        minute = draw_minute(wish.windows, rng, slot.share if wish.even else None)
     for _ in range(STORIES):
-        story = draw_story(slot, task.wish, options, rng)
+        story = draw_story(slot, wish, options, rng, minute=minute)
         written = writer.write_text(story, asked, rng=rng)
         if written is not None:
             break
     else:  # written as it is: the pipeline will report what is wrong with it
         voice = list_voices(story)[0]
         written = WrittenText(render_text(story, voice, rng), voice, STORIES)
-    background = task.wish.context.background
+    background = wish.context.background
+    context: dict[str, Any] = {}
+    if background is not None:
+        context["background"] = background.model_dump(exclude_none=True)
+    time = None if minute is None else format_clock(minute)
+    if story.minute is None and time is not None:
+        context["time_of_day"] = time
     return OrderEntry(
         id=slot.row, slot=slot.number, attempt=slot.attempts, event=slot.quota.event,
         leaf=story.leaf, voice=written.voice, text=written.text, seed=int(rng.integers(2**31)),
         backend=list(choose_planner(slot, options)), intersection=slot.intersection,
-        background=None if background is None else background.model_dump(exclude_none=True),
+        context=context, time=time,
     )  # fmt: skip
 
 
@@ -203,8 +216,15 @@ def choose_planner(slot: Slot, options: Options) -> Names:
     return options.backend if slot.quota.backend is None else (slot.quota.backend,)
 
 
-def draw_story(slot: Slot, wish: OrderSpec, options: Options, rng: np.random.Generator) -> Story:
-    """What this attempt is to show."""
+def draw_story(
+    slot: Slot,
+    wish: OrderSpec,
+    options: Options,
+    rng: np.random.Generator,
+    *,
+    minute: int | None = None,
+) -> Story:
+    """What this attempt is to show; its text gives the minute of the day, or leaves it out."""
     intersection_map = load_map(slot.intersection)
     nth = (slot.attempts - 1) // REWORDED
     leaf = slot.leaves[nth % len(slot.leaves)] if slot.leaves else None
@@ -220,9 +240,8 @@ def draw_story(slot: Slot, wish: OrderSpec, options: Options, rng: np.random.Gen
         )
     elif slot.quota.foreground:
         parties = draw_passers(intersection_map, rng)
-    windows = wish.windows
-    is_given = bool(windows) or rng.random() < _TIME_GIVEN
-    minute = draw_minute(windows, rng) if is_given else None
+    if not wish.windows and rng.random() >= _TIME_GIVEN:
+        minute = None
     drawn = _DENSITIES[int(rng.integers(len(_DENSITIES)))]
     density = wish.context.density or drawn
     runner = choose_runner(leaf, slot.intersection) if options.lawful else None

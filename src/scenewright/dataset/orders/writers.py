@@ -11,6 +11,7 @@ import numpy as np
 
 from scenewright.backends import STAGE_OF, Backend, Prompt, Question, load_backend
 from scenewright.dataset.batch.answering import PLAINLY, Asking, find_url, load_speaking_backend
+from scenewright.dataset.orders.order_spec import WORDS
 from scenewright.dataset.orders.scenario_spec import Story
 from scenewright.dataset.orders.templates import list_voices, render_text
 from scenewright.errors import BackendFault, Rejected
@@ -186,22 +187,13 @@ def _has_same_event(graph: SocialGraph, story: Story) -> bool:
     )
 
 
-_RULES = """You write instructions for a traffic simulator, as many different people would: short
-or long, formal or casual, reports, requests, headlines, questions. Word the story you are given in
-one or two sentences. Say everything in it and nothing that is not: no other agents, no other
-events, no other place or time. Use the manner you are told. If your last text was refused, mend
-what was wrong with it. Answer with JSON: {"text": "..."}."""
 _SCHEMA = {
     "type": "object",
     "properties": {"text": {"type": "string", "minLength": LENGTH[0], "maxLength": LENGTH[1]}},
     "required": ["text"],
     "additionalProperties": False,
 }
-_MANNERS = (
-    "a police report", "a headline", "a friend telling another", "a traffic engineer's shorthand",
-    "a polite request", "a test engineer's specification", "a witness", "a question",
-    "somebody typing in a hurry, without capitals", "one plain sentence",
-)  # fmt: skip
+_RULES, _MANNERS = (WORDS["model"][name] for name in ("rules", "manners"))
 
 
 class ModelWriter:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-from scenewright.dataset.tables.coverage import Covered
+import numpy as np
+
+from scenewright.dataset.tables.coverage import Covered, measure_coverage
 from scenewright.dataset.tables.markdown import escape_markdown, format_table
 from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
+from scenewright.dataset.tables.tally import Tally
 
 LICENCE = "apache-2.0"
 ABSTRACT = (
@@ -21,103 +23,86 @@ ABSTRACT = (
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 
-@dataclass(frozen=True)
-class Contents:
-    """The contents of a card.
+def format_card(
+    tally: Tally,
+    *,
+    title: str,
+    given: int,
+    splits: Mapping[str, Sequence[str]],
+    about: Mapping[str, Any],
+    pictures: tuple[str, str],
+) -> str:
+    """The card as Markdown, with the front matter by which `datasets` finds the tables.
 
-    Attributes:
-        figures: counts and such, by name.
-        tables, patterns: how many rows and scenes, by name; splits: table -> those with rows.
-        events: how many by type and whether they were asked for; causes: of those asked for.
-        unmade: how many instructions have no scene, by reason; about: how the dataset was made.
-        statistics: (figure, number of values, percentiles) of what the scenes show.
-        coverage: how often the usual bins of what was asked for and measured are met.
-        pictures: paths of the two pictures, below the card.
+    Args:
+        given: instructions in all; splits: table -> those that have rows.
+        about: how the dataset was made; pictures: paths of the two pictures, below the card.
     """
-
-    title: str
-    figures: Mapping[str, Any]
-    tables: Mapping[str, int]
-    splits: Mapping[str, Sequence[str]]
-    events: Mapping[tuple[str, str], int]
-    causes: Mapping[tuple[str, str], int]
-    patterns: Mapping[str, int]
-    unmade: Mapping[str, int]
-    statistics: Sequence[tuple[str, str, str]]
-    coverage: Sequence[Covered]
-    about: Mapping[str, Any]
-    pictures: tuple[str, str]
-
-
-def format_card(contents: Contents) -> str:
-    """The card as Markdown, with the front matter by which `datasets` finds the tables."""
-    where, how = contents.pictures
+    where, how = pictures
+    percentiles = (
+        (escape_markdown(name), str(len(values)),
+         "{:.2f} / {:.2f} / {:.2f}".format(*np.percentile(np.array(values), (5, 50, 95))))
+        for name, values in sorted(tally.figures.items())
+    )  # fmt: skip
     parts = [
-        _format_front_matter(contents),
-        f"# {escape_markdown(contents.title)}",
+        _format_front_matter(title, tally.tables["scenes"], splits),
+        f"# {escape_markdown(title)}",
         ABSTRACT,
         f"![Where and when events happen, and how many agents there are]({where})",
-        _format_counts("In figures", contents.figures, "figure", "value"),
-        _format_events(contents.events),
-        _format_causes(contents.causes),
-        _format_statistics(contents.statistics),
+        _format_counts("In figures", _list_figures(tally, given), "figure", "value"),
+        _format_events(tally.events),
+        _format_causes(tally.causes),
+        _format_table(
+            "## What the scenes show", ("figure", "values", "5 % / median / 95 %"), percentiles
+        ),
         f"![How close events are, how fast agents move, how many are seen]({how})",
-        _format_coverage(contents.coverage),
-        _format_counts("Leaves of the taxonomy", contents.patterns, "pattern", "scenes"),
-        _format_counts("Without a scene", contents.unmade, "reason", "instructions"),
-        _LAYOUT,
-        *(_format_schema(name, contents.tables.get(name, 0)) for name in TABLES),
-        _format_counts("How it was made", _flatten(contents.about), "option", "value"),
-        _LICENCE,
+        _format_coverage(measure_coverage(tally.encounters)),
+        _format_counts("Leaves of the taxonomy", tally.patterns, "pattern", "scenes"),
+        _format_counts("Without a scene", tally.codes, "reason", "instructions"),
+        _read_part("card_layout.md"),
+        *(_format_schema(name, tally.tables[name]) for name in TABLES),
+        _format_counts("How it was made", _flatten(about), "option", "value"),
+        _read_part("card_licence.md"),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-_LAYOUT = """## What lies where
-
-- `<row>/scene.json`, `proof.json`, `provenance.json`: one folder per row, named by the row's id
-  where that is a plain file name (column `folder` of the table `scenes` has the name);
-- `tables/NAME/SPLIT.parquet`: all of it as tables, joined by the column `row`; `refused` has the
-  instructions of which no scene was made;
-- `croissant.json`: the tables for loaders that read MLCommons' Croissant;
-- `manifest.json`: the SHA-256 of every file. `scenewright dataset check FOLDER` recomputes them,
-  and runs the checker over every scene again.
-
-Units: metres, seconds, radians; x points east, y north; time 0 is the start of the scene.
-
-```python
-from datasets import load_dataset  # or all splits: pandas.read_parquet("tables/tracks")
-
-scenes = load_dataset("path/of/this/folder")  # those of train, validation and test that have rows
-tracks = load_dataset("path/of/this/folder", "tracks", split="train", streaming=True)
-```
-
-A row is of train, validation or test (80, 10 and 10 % of the groups, by a hash): rows of one
-intersection whose text one voice worded, or whose texts differ by numbers alone, share a part.
-Where an order names several intersections, half of them are held out: all their rows are test."""
-
-_LICENCE = """## Licence
-
-Apache License 2.0. The priors of the intersection derive from public counts; their sources stand in
-the bundle's `bundle.toml`."""
+def _list_figures(tally: Tally, given: int) -> dict[str, Any]:
+    sizes = np.array([n for n, times in sorted(tally.agents.items()) for _ in range(times)])
+    return {
+        "instructions given": given,
+        "scenes made": tally.statuses["made"],
+        **{f"instructions {status}": tally.statuses[status] for status in ("refused", "failed")},
+        **{f"scenes at {place}": n for place, n in sorted(tally.intersections.items())},
+        "scenes verified": tally.verdicts["verified"],
+        "scenes verified in part, without all words": tally.verdicts["partly"],
+        "words not shown, those of most scenes": ", ".join(
+            repr(words) for words, _ in tally.unshown.most_common(12)
+        )
+        or "none",
+        "scenes with a red light run unasked": tally.unlawful,
+        "scenes whose pair is closer or faster to a contact at another moment": tally.worse,
+        "agents per scene, least, median, most": "–"
+        if not len(sizes)
+        else f"{sizes.min()}, {float(np.median(sizes)):g}, {sizes.max()}",
+    }
 
 
-def _format_front_matter(contents: Contents) -> str:
+def _format_front_matter(title: str, scenes: int, splits: Mapping[str, Sequence[str]]) -> str:
     from huggingface_hub import DatasetCardData
 
-    rows = contents.tables.get("scenes", 0)
-    size = next((name for most, name in _SIZES if rows < most), "n>1M")
+    size = next((name for most, name in _SIZES if scenes < most), "n>1M")
     data = DatasetCardData(
         license=LICENCE,
-        pretty_name=escape_markdown(contents.title),
+        pretty_name=escape_markdown(title),
         language=["en"],
         size_categories=[size],
         tags=["traffic", "trajectories", "synthetic", "safety-critical events"],
         configs=[
             {"config_name": name, **({"default": True} if name == "scenes" else {}),
              "data_files": [{"split": split, "path": f"tables/{name}/{split}.parquet"}
-                            for split in splits]}
-            for name, splits in contents.splits.items()
+                            for split in there]}
+            for name, there in splits.items()
         ],
     )  # fmt: skip
     return f"---\n{data.to_yaml()}\n---"
@@ -161,12 +146,6 @@ def _format_causes(causes: Mapping[tuple[str, str], int]) -> str:
     return _format_table("## Causes of the events asked for", columns, rows)
 
 
-def _format_statistics(rows: Sequence[tuple[str, str, str]]) -> str:
-    columns = ("figure", "values", "5 % / median / 95 %")
-    cells = [(escape_markdown(figure), *others) for figure, *others in rows]
-    return _format_table("## What the scenes show", columns, cells)
-
-
 def _format_coverage(covered: Sequence[Covered]) -> str:
     """What `scenewright coverage` tells of the scenes that are verified."""
     cells = []
@@ -199,12 +178,11 @@ def _flatten(about: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-_CONTEXT: Mapping[str, Any] = json.loads(
-    resources.files("scenewright.dataset.tables")
-    .joinpath("croissant_context.json")
-    .read_text("utf-8")
-)
-"""The JSON-LD context that version 1.0 of the format prescribes."""
+def _read_part(name: str) -> str:
+    """A file of this room, without the newline at its end."""
+    return resources.files(__package__).joinpath(name).read_text("utf-8").rstrip()
+
+
 _TYPES = {
     "string": "sc:Text", "list": "sc:Text", "bool": "sc:Boolean", "int64": "sc:Integer",
     "int32": "sc:Integer", "int16": "sc:Integer", "ids": "sc:Integer", "float64": "sc:Float",
@@ -213,22 +191,19 @@ _TYPES = {
 _LISTS = ("list", "ids", "floats")
 
 
-def describe_in_croissant(
-    *, name: str, description: str, licence: str, version: str, tables: Sequence[str]
-) -> bytes:
+def describe_in_croissant(*, name: str, version: str, tables: Sequence[str]) -> bytes:
     """The file's bytes.
 
     Args:
-        licence: address of the licence's text; version: of scenewright.
-        tables: those that have rows.
+        version: of scenewright; tables: those that have rows.
     """
     value = {
-        "@context": _CONTEXT,
+        "@context": json.loads(_read_part("croissant_context.json")),  # as version 1.0 has it
         "@type": "sc:Dataset",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "name": name,
-        "description": description,
-        "license": licence,
+        "description": ABSTRACT,
+        "license": "https://www.apache.org/licenses/LICENSE-2.0",
         "citeAs": f"The scenewright contributors: {name}. Made with scenewright {version}.",
         "version": version,
         "isLiveDataset": False,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -22,31 +24,18 @@ from scenewright.scene.spread import read_number
 
 Encounter = dict[str, Any]
 """What one event shows: item -> its value; None where it has none."""
-Item = Literal[
-    "event", "asked", "kind", "cause", "caused_by", "avoidable", "ran_red",
-    "type_from", "type_to", "subtype_from", "subtype_to", "movement_from", "movement_to",
-    "entry_from", "entry_to", "crosswalk", "junction", "density", "hour", "agents",
-    "pet", "ttc", "ttc_2d", "drac", "closing_speed", "speed_from", "speed_to", "headway", "gap",
-    "asked_pet", "asked_ttc", "asked_speed",
-]  # fmt: skip
-"""What can be covered; docs/tutorials/coverage.md says what each is."""
-_SECONDS = (0, 0.5, 1, 1.5, 2, 3, 4, 6, 8)
-_SPEEDS = (0, 1, 2, 4, 6, 8, 10, 12, 15, 20)
-NUMBERS: Mapping[str, tuple[str, tuple[float, ...]]] = {
-    **dict.fromkeys(("pet", "ttc", "ttc_2d", "headway", "asked_pet", "asked_ttc"), ("s", _SECONDS)),
-    **dict.fromkeys(("closing_speed", "speed_from", "speed_to", "asked_speed"), ("m/s", _SPEEDS)),
-    "drac": ("m/s2", (0, 1, 2, 3, 4, 6, 9)),
-    "gap": ("m", (0, 1, 2, 4, 6, 10, 15, 25)),
-    "hour": ("h", (0, 6, 9, 12, 15, 18, 21, 24)),
-    "agents": ("", (1, 5, 10, 15, 20, 30, 60)),
+ITEMS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
+    resources.files(__package__).joinpath("items.toml").read_text("utf-8")
+)
+if TYPE_CHECKING:
+    Item = str
+else:
+    Item = Literal[tuple(ITEMS)]
+NUMBERS = {
+    name: (item["unit"], tuple(item["edges"])) for name, item in ITEMS.items() if "unit" in item
 }
 """Items that are numbers: unit, and edges of the usual bins."""
-_KEYS = {
-    "pet": "pet", "ttc": "path_ttc", "ttc_2d": "ttc_2d", "drac": "drac", "kind": "kind",
-    "closing_speed": "relative_speed", "headway": "least_headway", "gap": "least_gap",
-    "asked_pet": "target_pet", "asked_ttc": "target_ttc", "asked_speed": "impact_speed",
-}  # fmt: skip
-"""Items that stand in the event, its evidence or the relation that asked for it."""
+_KEYS = {name: item["key"] for name, item in ITEMS.items() if "key" in item}
 
 
 def list_words(item: str) -> tuple[str, ...]:
@@ -132,7 +121,9 @@ def read_goals(source: Path | dict[str, Any]) -> Goals:
 def list_encounters(scene: Mapping[str, Any], proof: Mapping[str, Any]) -> list[Encounter]:
     """What each event of a scene shows, as asked for or measured; `normal` where there is none.
 
-    Speeds that are no evidence of the event are those of the track at its time.
+    Speeds that are no evidence of the event are those at the conflict: where the agent comes
+    nearest to the place of the PET, else at the event's time. Beside the items stand `time`,
+    `pet_time`, `ttc_time` [s], and the `worst_ttc` of the scene with its time.
     """
     agents = {agent["id"]: agent for agent in scene["agents"]}
     meta, figures, found = scene["meta"], proof["figures"], []
@@ -146,7 +137,14 @@ def list_encounters(scene: Mapping[str, Any], proof: Mapping[str, Any]) -> list[
             r for r in scene["relations"] if r["type"] == type_ and {r["from"], r["to"]} == pair
         ]
         known = (asked[0] if asked else {}) | event | event["evidence"]
-        own = {item: known.get(key) for item, key in _KEYS.items()}
+        own = {item: known.get(key) for item, key in _KEYS.items()} | {"time": event["time"]}
+        when, worst = (event.get(key, {}) for key in ("when", "worst"))
+        pet, ttc, least = when.get("pet"), when.get("path_ttc"), worst.get("path_ttc")
+        own |= {
+            f"{name}_time": moment and moment["time"]
+            for name, moment in (("pet", pet), ("ttc", ttc), ("worst_ttc", least))
+        }
+        own["worst_ttc"] = least and least["value"]
         own |= {"event": type_, "cause": event["cause"] or "none seen",
                 "asked": "asked" if asked else "unasked",
                 "caused_by": agents.get(known.get("cause_agent"), {}).get("type")}  # fmt: skip
@@ -164,7 +162,10 @@ def list_encounters(scene: Mapping[str, Any], proof: Mapping[str, Any]) -> list[
             own["crosswalk"] = agent["crosswalk"] or own.get("crosswalk")
             track = np.array(agent["trajectory"], dtype=np.float64)
             at = round((event["time"] - agent["spawn_time"]) / meta["step"])
-            speed = np.hypot(*differentiate(track, meta["step"])[min(max(at, 0), len(track) - 1)])
+            at = min(max(at, 0), len(track) - 1)
+            if pet is not None:
+                at = int(np.hypot(*(track - pet["location"]).T).argmin())
+            speed = np.hypot(*differentiate(track, meta["step"])[at])
             own[f"speed_{side}"] = known.get(f"speed_{side}", float(speed))
         found.append(same | own)
     return found or [same | {"event": "normal"}]
@@ -246,7 +247,7 @@ def count_bins(encounters: Sequence[Encounter], bins: Sequence[Bins], least: int
 def measure_coverage(encounters: Sequence[Encounter], goals: Goals | None = None) -> list[Covered]:
     """What is covered of each goal, or of every item that any encounter has."""
     if goals is None:
-        found = (count_bins(encounters, [build_bins(item)]) for item in get_args(Item))
+        found = (count_bins(encounters, [build_bins(item)]) for item in ITEMS)
         return [each for each in found if each.values]
     bins = {each.cover: build_bins(each.cover, each.bins or (), each.values)
             for each in goals.dimensions}  # fmt: skip

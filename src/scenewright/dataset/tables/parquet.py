@@ -24,7 +24,7 @@ from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
 from scenewright.scene.base import AgentClass, Point
 from scenewright.scene.events import Proof
-from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.phrasing import call_agents
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import VEHICLE_SIZES
@@ -169,30 +169,21 @@ def build_event_rows(
 ) -> Iterator[dict[str, Any]]:
     """The scene's events with what the checker measured, then the incidental ones."""
     asked = {(each["type"], each["from"], each["to"]) for each in scene["relations"]}
-    measured = {_get_event_key(each): each["evidence"] for each in proof["events"]}
-    for event in scene["events"]:
-        pair = ((event["from"], event["to"]), (event["to"], event["from"]))
-        is_asked = any((event["type"], *each) in asked for each in pair)
-        evidence = measured.get(_get_event_key(event), {})
-        yield _build_event_row(row, event, evidence, asked=is_asked, incidental=False)
-    for event in proof["incidental"]:
-        yield _build_event_row(row, event, event["evidence"], asked=False, incidental=True)
-
-
-def _get_event_key(event: Mapping[str, Any]) -> tuple[Any, ...]:
-    return event["type"], event["from"], event["to"], event["time"]
-
-
-def _build_event_row(
-    row: str, event: Mapping[str, Any], evidence: Mapping[str, Any], *, asked: bool,
-    incidental: bool,
-) -> dict[str, Any]:  # fmt: skip
-    x, y = event["location"] or (None, None)
-    return {
-        "row": row, "x": x, "y": y, "asked": asked, "incidental": incidental,
-        **{key: event[key] for key in ("type", "from", "to", "time", "kind", "cause")},
-        "queue": incidental and event["type"] == "follow", "evidence": _format_json(evidence),
-    }  # fmt: skip
+    same = ("type", "from", "to", "time")
+    measured = {tuple(each[key] for key in same): each for each in proof["events"]}
+    seen = [(each, measured.get(tuple(each[key] for key in same), {})) for each in scene["events"]]
+    for event, proven in (*seen, *((each, each) for each in proof["incidental"])):
+        ends, incidental = (event["from"], event["to"]), event is proven
+        x, y = event["location"] or (None, None)
+        yield {
+            "row": row, "x": x, "y": y, "incidental": incidental,
+            "asked": not incidental
+            and not asked.isdisjoint({(event["type"], *ends), (event["type"], *ends[::-1])}),
+            **{key: event[key] for key in (*same, "kind", "cause")},
+            "queue": incidental and event["type"] == "follow",
+            "evidence": _format_json(proven.get("evidence", {})),
+            **{key: _format_json(proven[key]) for key in ("when", "worst") if key in proven},
+        }  # fmt: skip
 
 
 def _format_json(value: Any) -> str:
@@ -214,32 +205,26 @@ class TableWriter:
         for part in self._parts.values():
             part.close()
 
-    def add(self, files: SceneFiles) -> dict[str, int]:
-        """Adds one row of the dataset; how many rows each table got."""
+    def add(self, files: SceneFiles) -> dict[str, Any]:
+        """Adds one row of the dataset; the rows that each table got, see `build_rows`."""
         rows, split = build_rows(files), files.about["split"]
         if files.scene is not None:
             place = files.scene["meta"]["intersection"]
             if (place, split) not in self._maps:
                 self._maps.add((place, split))
                 rows["map"] = list_map_rows(load_map(place))
-        counts = {}
-        for name in TABLES:
-            if rows[name] and (name, split) not in self._parts:
-                path = get_table_file(self._folder, name, split)
+        for name in (name for name in TABLES if rows[name]):
+            if (name, split) not in self._parts:
+                path = self._folder / name / f"{split}.parquet"
                 path.parent.mkdir(exist_ok=True)
                 self._parts[name, split] = _Part(path, name)
-            counts[name] = self._parts[name, split].add(rows[name]) if rows[name] else 0
-        return counts
-
-
-def get_table_file(folder: Path, name: str, split: Split) -> Path:
-    """Where the rows of a split lie, below the folder of all tables."""
-    return folder / name / f"{split}.parquet"
+            self._parts[name, split].add(rows[name])
+        return rows
 
 
 def list_table_files(folder: Path, name: str) -> list[Path]:
     """The files of a table that there are, below the folder of all tables."""
-    files = (get_table_file(folder, name, split) for split in SPLITS)
+    files = (folder / name / f"{split}.parquet" for split in SPLITS)
     return [file for file in files if file.is_file()]
 
 
@@ -253,35 +238,29 @@ def read_table(folder: Path, name: str, columns: Sequence[str]) -> Iterator[dict
 
 
 class _Part:
-    """One table: columns that fill up, and the file that takes them."""
+    """One table: rows that wait until they fill a group, and the file that takes them."""
 
     def __init__(self, path: Path, name: str) -> None:
         self._group, self._schema = _GROUP[name], build_arrow_schema(name)
         self._writer = import_parquet().ParquetWriter(path, self._schema, compression="zstd")
-        self._columns: dict[str, list[Any]] = {key: [] for key in SCHEMAS[name]}
+        self._waiting = self._schema.empty_table()
 
-    def add(self, rows: list[dict[str, Any]] | dict[str, list[Any]]) -> int:
-        if not isinstance(rows, dict):
-            rows = {key: [row.get(key) for row in rows] for key in self._columns}
-        first = next(iter(self._columns))
-        for key, values in rows.items():
-            self._columns[key] += values
-        while len(self._columns[first]) >= self._group:
-            self._write(self._group)
-        return len(rows.get(first, ()))
+    def add(self, rows: list[dict[str, Any]] | dict[str, list[Any]]) -> None:
+        arrow = import_module("pyarrow")
+        read = arrow.table if isinstance(rows, dict) else arrow.Table.from_pylist
+        self._waiting = arrow.concat_tables([self._waiting, read(rows, schema=self._schema)])
+        while self._waiting.num_rows >= self._group:
+            self._write()
 
     def close(self) -> None:
-        self._write(self._group)
+        if self._waiting.num_rows:
+            self._write()
         self._writer.close()
 
-    def _write(self, count: int) -> None:
-        first = {key: values[:count] for key, values in self._columns.items()}
-        if next(iter(first.values())):
-            self._writer.write_table(
-                _import_arrow().table(first, schema=self._schema), row_group_size=count
-            )
-        for values in self._columns.values():
-            del values[:count]
+    def _write(self) -> None:
+        full = self._waiting.slice(0, self._group).combine_chunks()
+        self._writer.write_table(full, row_group_size=self._group)
+        self._waiting = self._waiting.slice(self._group)
 
 
 def require_tables() -> None:
@@ -289,66 +268,53 @@ def require_tables() -> None:
     require_extra("tables", "a dataset", "pyarrow")
 
 
-def _import_arrow() -> Any:
-    # pyarrow has no types of its own.
-    return import_module("pyarrow")
-
-
 def import_parquet() -> Any:
-    """pyarrow's module for Parquet files."""
+    """pyarrow's module for Parquet files, which has no types of its own."""
     return import_module("pyarrow.parquet")
 
 
 def build_arrow_schema(name: str) -> Any:
     """The schema of a table as pyarrow has it, with each column's meaning."""
-    pa = _import_arrow()
-    plain = ("string", "float64", "float32", "int64", "int32", "int16")
-    types = {kind: getattr(pa, kind)() for kind in plain} | {"bool": pa.bool_()}
-    lists = {"list": "string", "ids": "int16", "floats": "float64"}
-    types |= {kind: pa.list_(types[inner]) for kind, inner in lists.items()}
+    pa, lists = import_module("pyarrow"), {"list": "string", "ids": "int16", "floats": "float64"}
     fields = [
-        pa.field(key, types[kind], metadata={"meaning": meaning})
+        pa.field(
+            key,
+            pa.list_(pa.type_for_alias(lists[kind])) if kind in lists else pa.type_for_alias(kind),
+            metadata={"meaning": meaning},
+        )
         for key, (kind, meaning) in SCHEMAS[name].items()
     ]
     return pa.schema(fields)
 
 
 def list_map_rows(intersection: IntersectionMap) -> list[dict[str, Any]]:
-    """The rows of one intersection, in the order of its map file."""
+    """The rows of one intersection, in the order of its map file.
+
+    An area has its rim; holes are rows of their own, with the area's id and a number.
+    """
     roads: dict[str | None, str] = {leg.name: leg.road for leg in intersection.legs}
-    rows = [*_list_lines(intersection)]
-    rows += _list_areas("road", intersection.road)
-    rows += _list_areas("walkable", intersection.walkable)
-    return [
-        {"intersection": intersection.name, **row, "road": roads.get(row.get("leg"))}
-        for row in rows
+
+    def build(
+        feature: str, kind: str, points: Sequence[Point], leg: str | None = None, **more: Any
+    ) -> dict[str, Any]:
+        places = {"x": [point[0] for point in points], "y": [point[1] for point in points]}
+        own = {"intersection": intersection.name, "feature": feature, "kind": kind, "leg": leg}
+        return {**own, "road": roads.get(leg), **places, **more}
+
+    rows = [
+        build(lane.id, lane.kind, lane.centreline, lane.leg, width=lane.width,
+              speed_limit=lane.speed_limit, successors=list(lane.successors))
+        for lane in intersection.lanelets
+    ]  # fmt: skip
+    rows += [build(each.id, "stop_line", each.line, each.leg) for each in intersection.stop_lines]
+    rows += [
+        build(walk.id, "crosswalk", walk.centreline, walk.leg, width=walk.width)
+        for walk in intersection.crosswalks
     ]
-
-
-def _list_lines(intersection: IntersectionMap) -> Iterator[dict[str, Any]]:
-    for lane in intersection.lanelets:
-        yield {
-            "feature": lane.id, "kind": lane.kind, "leg": lane.leg, "width": lane.width,
-            "speed_limit": lane.speed_limit, "successors": list(lane.successors),
-            **_split_points(lane.centreline),
-        }  # fmt: skip
-    for line in intersection.stop_lines:
-        points = _split_points(line.line)
-        yield {"feature": line.id, "kind": "stop_line", "leg": line.leg, **points}
-    for walk in intersection.crosswalks:
-        points = _split_points(walk.centreline)
-        yield {"feature": walk.id, "kind": "crosswalk", "leg": walk.leg, "width": walk.width,
-               **points}  # fmt: skip
-
-
-def _list_areas(kind: str, areas: Sequence[PolygonWithHoles]) -> Iterator[dict[str, Any]]:
-    """The rim of each area; holes are rows of their own, with the area's id and a number."""
-    for number, area in enumerate(areas, start=1):
-        name = f"{kind}-{number}"
-        yield {"feature": name, "kind": kind, **_split_points(area.exterior)}
-        for hole, rim in enumerate(area.holes, start=1):
-            yield {"feature": f"{name}:hole-{hole}", "kind": f"{kind}_hole", **_split_points(rim)}
-
-
-def _split_points(points: Sequence[Point]) -> dict[str, list[float]]:
-    return {"x": [point[0] for point in points], "y": [point[1] for point in points]}
+    for kind, areas in (("road", intersection.road), ("walkable", intersection.walkable)):
+        for number, area in enumerate(areas, start=1):
+            name = f"{kind}-{number}"
+            rows.append(build(name, kind, area.exterior))
+            rows += [build(f"{name}:hole-{hole}", f"{kind}_hole", rim)
+                     for hole, rim in enumerate(area.holes, start=1)]  # fmt: skip
+    return rows

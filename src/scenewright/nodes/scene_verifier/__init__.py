@@ -111,7 +111,7 @@ def add_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
     asked = {(each.type, each.from_, each.to) for each in scene.relations}
     rows = []
     for event in proof.events:
-        row = event.model_dump(by_alias=True, exclude={"evidence"})
+        row = event.model_dump(by_alias=True, include=set(EventRecord.model_fields))
         if event.type in _SYMMETRIC and (event.type, event.to, event.from_) in asked:
             row |= {"from": event.to, "to": event.from_}
         rows.append(EventRecord.model_validate(row))

@@ -96,10 +96,15 @@ def find_least_clearance(
 
 
 def find_contact_point(
-    first: Trajectory, second: Trajectory, *, time: float
+    first: Trajectory, second: Trajectory, *, time: float, other_time: float | None = None
 ) -> tuple[float, float]:
-    """Middle of the contact [m]; of the shortest line between the footprints if they are apart."""
-    one, two = _build_outline(first, time), _build_outline(second, time)
+    """Middle of the contact [m]; of the shortest line between the footprints if they are apart.
+
+    Args:
+        other_time: when the second one is looked at [s]; None: at the same time.
+    """
+    one = _build_outline(first, time)
+    two = _build_outline(second, time if other_time is None else other_time)
     if one.distance(two) > 0.05:
         middle = geos.shortest_line(one, two).interpolate(0.5, normalized=True)
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.scene.events import Event
+from scenewright.scene.events import Event, Moment
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SignalRecord
 from scenewright.tools.relation_checker.collisions import (
@@ -186,11 +186,14 @@ def observe(
     )
     events = search.events({m.id for m in grid.tracks} if detailed is None else set(detailed))
     for f in find_followings(lanes):
-        follower = grid.tracks[f.follower]
+        pair = follower, leader = grid.tracks[f.follower], grid.tracks[f.leader]
+        least = {"least_gap": (f.least_gap, f.gap_time),
+                 "least_headway": (f.least_headway, f.headway_time)}  # fmt: skip
         events.append(_build_event(
-            "follow", (follower, grid.tracks[f.leader]), time=f.start,
-            place=tuple(follower.xy[follower.index(f.start)]),
-            evidence={"until": f.end, "least_gap": f.least_gap, "least_headway": f.least_headway},
+            "follow", pair, time=f.start, place=tuple(follower.xy[follower.index(f.start)]),
+            evidence={"until": f.end} | {name: value for name, (value, _) in least.items()},
+            when={name: _build_moment(follower, leader, value, time)
+                  for name, (value, time) in least.items() if value is not None},
         ))  # fmt: skip
     events.sort(key=lambda e: (e.time, e.from_, e.to))
     return SceneObservation(grid, near, encounters, lanes, lights, tuple(events))
@@ -204,17 +207,33 @@ def _build_event(
     place: tuple[float, ...],
     evidence: dict[str, Any],
     cause: tuple[str, int] | None = None,
+    when: Mapping[str, Moment] | None = None,
     **more: Any,
 ) -> Event:
     """An event with rounded figures; the agent that caused it is part of the evidence."""
+    evidence = evidence | {name: each.value for name, each in (when or {}).items()}
     rounded = {k: round(v, 3) if isinstance(v, float) else v for k, v in evidence.items()}
     if cause is not None:
         rounded["cause_agent"], more["cause"] = cause[1], cause[0]
     return Event.model_validate({
         "type": name, "from": pair[0].id, "to": pair[1].id, "time": round(time, 3),
         "location": (round(float(place[0]), 3), round(float(place[1]), 3)),
-        "evidence": {k: v for k, v in rounded.items() if v is not None}, **more,
+        "evidence": {k: v for k, v in rounded.items() if v is not None},
+        "when": {k: each for k, each in (when or {}).items() if each.value}, **more,
     })  # fmt: skip
+
+
+def _build_moment(
+    first: Trajectory,
+    second: Trajectory,
+    value: float,
+    time: float,
+    other_time: float | None = None,
+) -> Moment:
+    """A figure of two agents: midway between them, at the later of two times [s]."""
+    x, y = find_contact_point(first, second, time=time, other_time=other_time)
+    later = max(time, time if other_time is None else other_time)
+    return Moment(value=round(value, 3), time=round(later, 3), location=(round(x, 3), round(y, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,9 +322,9 @@ class _EventSearch:
             times = encounter.first_time, encounter.second_time
             if yielded is not None and not harsh:
                 order = (first, second) if times[0] > times[1] else (second, first)
-                found.append(self._build_yield_event(order, yielded, full, encounter.pet))
+                found.append(self._build_yield_event(order, yielded, full, encounter))
             elif harsh or encounter.pet <= NEAR_MISS_PET:
-                found += self._find_near_miss(pair, encounter.pet, full, around=times)
+                found += self._find_near_miss(pair, encounter, full, around=times)
         if not found:
             found += self._find_unfinished_yield(row, pair, full)
         close_calls = [t for t in braked if not any(a <= t <= b for a, b in covered)]
@@ -442,22 +461,44 @@ class _EventSearch:
         tracks: tuple[Trajectory, Trajectory],
         yielded: YieldEvent,
         full: bool,
-        pet: float | None = None,
+        encounter: Encounter | None = None,
     ) -> Event:
+        when = {} if encounter is None else {"pet": self._build_pet_moment(encounter)}
         evidence = {
-            "pet": pet, "approach_speed": yielded.approach,
+            "pet": None, "approach_speed": yielded.approach,
             "lowest_speed": yielded.lowest, "begins_to_slow": yielded.begin,
             "braking": yielded.braking, "other_cleared": yielded.cleared, "entered": yielded.enter,
             "would_have_entered": yielded.arrival,
-        } | (_measure_surrogates(*tracks, until=yielded.cleared) if full else {})  # fmt: skip
+        }  # fmt: skip
+        when |= _measure_surrogates(*tracks, until=yielded.cleared) if full else {}
         cause = find_red_run(tracks[1], tracks[0], time=yielded.cleared, lights=self.lights)
         return _build_event(
             "yielding", tracks, time=yielded.time, place=yielded.place, cause=cause,
-            evidence=evidence,
+            evidence=evidence, when=when, worst=self._measure_worst(*tracks) if full else {},
         )  # fmt: skip
 
+    def _build_pet_moment(self, encounter: Encounter) -> Moment:
+        return _build_moment(
+            self.tracks[encounter.first], self.tracks[encounter.second],
+            encounter.pet, encounter.first_time, encounter.second_time,
+        )  # fmt: skip
+
+    def _measure_worst(self, first: Trajectory, second: Trajectory) -> dict[str, Moment]:
+        """Each figure's worst value between two that a relation binds, over the whole scene."""
+        if not {(first.id, second.id), (second.id, first.id)} & self.asked:
+            return {}
+        i, j = sorted((self._index[first.id], self._index[second.id]))
+        encounters = self.by_pair.get((i, j), ())
+        found = {}
+        if encounters:
+            least = min(encounters, key=lambda each: each.pet)
+            found["pet"] = self._build_pet_moment(least)
+        if (closest := find_least_clearance(first, second)) is not None:
+            found["clearance"] = _build_moment(first, second, closest[1], closest[0])
+        return found | _measure_surrogates(first, second)
+
     def _find_near_miss(
-        self, pair: Pair, pet: float | None, full: bool, *, around: Sequence[float]
+        self, pair: Pair, encounter: Encounter | None, full: bool, *, around: Sequence[float]
     ) -> list[Event]:
         first, second = (self.tracks[k] for k in pair)
         # The closest approach around the encounter, else of all.
@@ -473,14 +514,17 @@ class _EventSearch:
         time, clearance = closest
         cause = find_cause(first, second, time=time, lights=self.lights)
         evidence = {
-            "pet": pet,
+            "pet": None,
             "clearance": clearance,
             "cause_agent": None,
             "late_brake": find_late_braker(first, second, time=time),
-        } | (_measure_surrogates(first, second, until=max(*around, time)) if full else {})
+        }
+        when = {} if encounter is None else {"pet": self._build_pet_moment(encounter)}
+        when |= _measure_surrogates(first, second, until=max(*around, time)) if full else {}
         place = find_contact_point(first, second, time=time)
         return [_build_event(
-            "near_miss", (first, second), time=time, place=place, evidence=evidence, cause=cause
+            "near_miss", (first, second), time=time, place=place, evidence=evidence, cause=cause,
+            when=when, worst=self._measure_worst(first, second) if full else {},
         )]  # fmt: skip
 
     def _find_braked_pairs(self) -> dict[int, list[float]]:
@@ -578,18 +622,24 @@ def _face_one_way(first: Trajectory, second: Trajectory, time: float) -> bool:
 
 
 def _measure_surrogates(
-    first: Trajectory, second: Trajectory, *, until: float
-) -> dict[str, float | None]:
-    """Least path TTC and 2-D TTC, largest DRAC, in the 6 s before a time."""
+    first: Trajectory, second: Trajectory, *, until: float | None = None
+) -> dict[str, Moment]:
+    """Least path TTC and 2-D TTC, largest DRAC, in the 6 s before a time; None: of all times."""
     times = find_common_times(first, second)
-    times = times[(times >= until - 6.0) & (times <= until + 1e-6)]
+    if until is not None:
+        times = times[(times >= until - 6.0) & (times <= until + 1e-6)]
     if len(times) == 0:
         return {}
-    along = float(compute_path_ttc(first, second, times=times).min())
+    along = compute_path_ttc(first, second, times=times)
     ttc = compute_ttc_2d(first, second, times=times)
-    straight = float(ttc.min())
-    return {
-        "path_ttc": along if np.isfinite(along) else None,
-        "ttc_2d": straight if np.isfinite(straight) else None,
-        "drac": float(compute_drac(first, second, times=times, ttc=ttc).max()),
-    }
+    drac = compute_drac(first, second, times=times, ttc=ttc)
+    found = {}
+    for name, values, worst in (
+        ("path_ttc", along, along.argmin()),
+        ("ttc_2d", ttc, ttc.argmin()),
+        ("drac", drac, drac.argmax()),
+    ):
+        if np.isfinite(values[worst]):
+            value, time = float(values[worst]), float(times[worst])
+            found[name] = _build_moment(first, second, value, time)
+    return found

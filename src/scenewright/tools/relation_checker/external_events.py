@@ -34,6 +34,10 @@ SHORTEST = 5.0
 MOST_PAIR_SAMPLES = 15_000_000
 """Pairs times samples that are looked at in one go, some 70 bytes each."""
 MOST_FORCED = 10 * MOST_PAIR_SAMPLES
+NOISE = 10.0
+"""What no agent does by itself: more acceleration than this before a contact [m/s^2]."""
+UNTOUCHED = 0.25
+"""Share of the speed of a contact that at least one of the two must gain or lose by it."""
 MOST_AVOIDED = 200
 """Of so many events in one look it is measured what would have avoided them."""
 
@@ -71,13 +75,21 @@ class RecordedEvents:
     Attributes:
         events: in order of time.
         contacts: footprints that touch or overlap without a collision.
+        implausible: collisions among the events that the tracks themselves deny.
         avoidability: of the collisions and near misses, see `find_avoidability`; without those of
             a look at more than `MOST_AVOIDED` events.
     """
 
     events: tuple[Event, ...] = ()
     contacts: tuple[Finding, ...] = ()
+    implausible: tuple[Finding, ...] = ()
     avoidability: tuple[dict[str, Any], ...] = ()
+
+    @property
+    def plausible(self) -> list[Event]:
+        """The events without the collisions that the tracks themselves deny."""
+        denied = {("collision", each.time, *each.agents) for each in self.implausible}
+        return [e for e in self.events if (e.type, e.time, e.from_, e.to) not in denied]
 
 
 def examine_recording(
@@ -91,10 +103,12 @@ def examine_recording(
         InputError: too many agents at once.
     """
     left_hand = intersection_map is not None and intersection_map.left_hand_traffic
-    found, contacts, avoided = list[Event](), list[Finding](), list[dict[str, Any]]()
+    found, avoided = list[Event](), list[dict[str, Any]]()
+    contacts, implausible = list[Finding](), list[Finding]()
     for observed, begin, end in observe_recording(tracks, intersection_map=intersection_map):
         events = [e for e in observed.events if begin <= e.time < end]
         found += events
+        implausible += find_implausible_collisions(events, observed)
         contacts += [
             each
             for each in find_contacts(observed)
@@ -103,7 +117,36 @@ def examine_recording(
         harmful = [e for e in events if e.type in ("collision", "near_miss")]
         if len(harmful) <= MOST_AVOIDED:
             avoided += find_avoidability(harmful, Sights((), observed.tracks, left_hand))
-    return RecordedEvents(tuple(found), tuple(contacts), tuple(avoided))
+    return RecordedEvents(tuple(found), tuple(contacts), tuple(implausible), tuple(avoided))
+
+
+def find_implausible_collisions(
+    events: Sequence[Event], observed: SceneObservation
+) -> Iterator[Finding]:
+    """Collisions of noisy tracks, and those after which both go on as if there had been none."""
+    for event in (each for each in events if each.type == "collision"):
+        pair = [observed.by_id[n] for n in (event.from_, event.to)]
+        before, after = event.time - 0.3, event.time + 2.0
+        hardest, changes = 0.0, list[float]()
+        for track in pair:
+            ahead = (track.times >= event.time - 1.0) & (track.times <= event.time)
+            pull = np.hypot(track.acceleration[ahead], track.lateral_acceleration[ahead])
+            hardest = max(hardest, float(pull.max(initial=0.0)))
+            k = track.find_indices(np.array([before, after]))
+            changes.append(float(np.hypot(*(track.velocity[k[1]] - track.velocity[k[0]]))))
+        seen = all(track.start <= before and track.end >= after for track in pair)
+        scraped = event.kind == "sideswipe"  # which may leave both at their speed
+        most = UNTOUCHED * float(event.evidence["relative_speed"])
+        if hardest > NOISE:
+            why = f"one moves with {hardest:.0f} m/s² before it"
+        elif seen and not scraped and max(changes) < most:
+            why = "both go on as if there had been none"
+        else:
+            continue
+        yield Finding(
+            rule="implausible_collision", agents=(event.from_, event.to), time=event.time,
+            detail=f"{event.from_} and {event.to} at {event.time:.1f} s ({why})",
+        )  # fmt: skip
 
 
 def observe_recording(

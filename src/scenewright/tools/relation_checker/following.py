@@ -61,7 +61,8 @@ class Following:
 
     Attributes:
         follower, leader: indices of movers; start, end [s].
-        least_gap [m]; least_headway [s], None if it never drove faster than 1 m/s.
+        least_gap [m]; least_headway [s], None if it never drove faster than 1 m/s;
+            gap_time, headway_time: when either is measured [s].
     """
 
     follower: int
@@ -70,6 +71,8 @@ class Following:
     end: float
     least_gap: float
     least_headway: float | None
+    gap_time: float
+    headway_time: float
 
 
 def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
@@ -166,12 +169,13 @@ def find_followings(lanes: tuple[LaneGaps, ...]) -> tuple[Following, ...]:
         for begin, end in pairwise(edges):
             if tag[begin] < 0 or (end - 1 - begin) * STRIDE * STEP < MIN_DURATION - 1e-6:
                 continue
-            run = slice(begin, end)
-            headways = headway[run][moving[run]]
+            near = begin + int(lane.gap[begin:end].argmin())
+            close = begin + int(np.where(moving, headway, np.inf)[begin:end].argmin())
             found.append(Following(
                 lane.follower, int(lane.leader[begin]),
-                float(lane.times[begin]), float(lane.times[end - 1]), float(lane.gap[run].min()),
-                float(headways.min()) if len(headways) else None,
+                float(lane.times[begin]), float(lane.times[end - 1]), float(lane.gap[near]),
+                float(headway[close]) if moving[close] else None,
+                float(lane.times[near]), float(lane.times[close]),
             ))  # fmt: skip
     return tuple(found)
 

@@ -331,13 +331,14 @@ function drawEvidence(event) {
   if (pair.length === 2) drawGap(pair, event);
   for (const sight of data.proof?.figures.first_visible ?? []) if ([sight.observer, sight.subject].every((id) => id === event.from || id === event.to)) drawSight(sight);
 }
-/** The gap in time at the place, as the checker has it, beside the place. */
+/** The gap in time, as the checker has it, beside the place and with the time at which it is met. */
 function drawGap(pair, event) {
   const { pet, other_cleared: cleared, entered } = event.evidence ?? {};
   if (typeof pet !== "number") return;
-  const lines = [`${pet.toFixed(1)} s between the two (PET)`];
+  const [x, y] = event.when?.pet?.location ?? event.location;
+  const lines = [`${pet.toFixed(1)} s between the two (PET)${event.when?.pet ? `, at ${formatSeconds(event.when.pet.time)}` : ""}`];
   if (typeof cleared === "number" && typeof entered === "number") lines.push(`${pair[1].called} clears it at ${formatSeconds(cleared)}`, `${pair[0].called} enters at ${formatSeconds(entered)}`);
-  lines.forEach((text, n) => writeLabel(text, [event.location[0], event.location[1] + (30 + LABEL_HEIGHT * (lines.length - 1 - n)) / pixelsPerMetre()], readVariable("--bad"), event.location));
+  lines.forEach((text, n) => writeLabel(text, [x, y + (30 + LABEL_HEIGHT * (lines.length - 1 - n)) / pixelsPerMetre()], readVariable("--bad"), [x, y]));
 }
 /** Where an agent brakes before the event, over its way, and how hard at the most. */
 function drawBraking(agent, event) {
@@ -589,9 +590,12 @@ const FIGURES = { pet: ["gap in time (PET)", SECONDS], clearance: ["least distan
   lowest_speed: ["slowest", formatSpeed], begins_to_slow: ["slows from", SECONDS], braking: ["brakes with", BRAKES], other_cleared: ["the other is past at", SECONDS],
   entered: ["enters at", SECONDS], would_have_entered: ["would have entered at", SECONDS], speed_from: ["its speed", formatSpeed], speed_to: ["the other's speed", formatSpeed],
   angle: ["angle between them", (value) => `${Math.round((180 * value) / Math.PI)}°`], cause_agent: ["caused by", describeAgent] };
-function formatEvidence(evidence) {
-  return Object.entries(evidence ?? {}).filter(([key, value]) => typeof value === "number" && FIGURES[key])
-    .map(([key, value]) => `${FIGURES[key][0]} ${FIGURES[key][1](value)}`).join(" · ");
+function formatEvidence({ evidence, when, worst, time }) {
+  const say = (key, value, at) => `${FIGURES[key][0]} ${FIGURES[key][1](value)}${at === undefined || Math.abs(at - time) <= 0.25 ? "" : ` at ${formatSeconds(at)}`}`;
+  const own = Object.entries(evidence ?? {}).filter(([key, value]) => typeof value === "number" && FIGURES[key]);
+  const known = { path_ttc: Infinity, ttc_2d: Infinity, ...evidence };
+  const worse = Object.entries(worst ?? {}).filter(([key, { value }]) => (key === "drac" ? value > known[key] : value < known[key]));
+  return [...own.map(([key, value]) => say(key, value, when?.[key]?.time)), ...worse.map(([key, { value, time: at }]) => `worse later or before: ${say(key, value, at)}`)].join(" · ");
 }
 function showEvent(n) {
   const event = data.events[n];
@@ -611,7 +615,7 @@ function buildProof() {
   find("verdict").textContent = words;
   find("verdict").className = !verified ? "bad" : data.proof.caveat ? "amber" : "good";
   data.events.forEach((event, n) => {
-    const figures = make("span", { className: "figures", textContent: formatEvidence(event.evidence) });
+    const figures = make("span", { className: "figures", textContent: formatEvidence(event) });
     const button = make("button", { type: "button" }, make("span", { textContent: formatEvent(event) }), figures);
     button.addEventListener("click", () => showEvent(n));
     find("events").append(make("li", {}, button));
