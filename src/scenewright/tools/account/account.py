@@ -24,7 +24,7 @@ from scenewright.tools.relation_checker import check
 from scenewright.tools.relation_checker.clock import is_within
 
 _STANDS = ("place", "crosswalk", "adverb", "stands", "request", "unit", "change")
-_TURNS_MEANING = ("negation", "sequence", "order")
+_TURNS_MEANING = ("negation", "sequence", "order", "beyond.part")
 """Senses of function words that turn a meaning, which are content (SEMANTICS 9)."""
 _DECISIVE = ("kind", "object")
 """Types of which one that fails outweighs whatever else holds of the word."""
