@@ -392,6 +392,7 @@ def test_a_bound_is_not_seen_where_the_other_side_was_asked_for(
         (" at the junction", "junction", "stands_anyway"),
         (" carefully", "carefully", "manner"),
         (" at a zyzzyva", "zyzzyva", "not_shown"),
+        (", missing by half a metre", "half", "not_shown"),
         (", all except one", "all except", "not_shown"),
     ],
 )

@@ -329,7 +329,8 @@ def _judge_claims(
     families = token.list_families()
     grave = [each for each in false if each[0].type in (*_STRICT, "crosswalk")]
     limit = token.unit is not None and not found
-    if (limit or not families.isdisjoint(_STANDS)) and not grave:
+    figure = token.number is not None and "number" in {claim.type for claim, _ in found}
+    if (limit or not families.isdisjoint(_STANDS)) and not (grave or figure):
         return _NAMES_FIGURE if "unit" in families else _ANYWAY
     if not grave and ("manner" in families or (token.text.endswith("ly") and not families)):
         return _Judged("manner", evidence="tracks cannot speak of it")
