@@ -58,7 +58,7 @@ def test_a_sure_reading_stands_by_itself() -> None:
 
 def test_an_unsure_reading_stands_if_it_comes_out_whatever_words_stand_around_it() -> None:
     assert is_sure(learned(HITS, 0.3), Site())
-    assert not is_sure(learned(HITS, 0.0), Site())
+    assert is_sure(learned(HITS, 0.0), Site())
 
 
 def test_an_unsure_reading_that_does_not_come_out_again_is_asked_about() -> None:
@@ -105,9 +105,18 @@ def test_a_change_of_those_who_are_there_keeps_where_they_come_from(
     assert found.agent("vehicle-1").entry is not None
 
 
-def test_all_but_one_are_not_all() -> None:
-    found = plan("All but one of four cars stop for a woman on the east crosswalk")
-    assert isinstance(found, Refusal)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Without slowing down, a car hits a pedestrian who is not on a crosswalk.",
+        "I blame the left-turner. Sunny afternoon, a southbound pickup hits a northbound car as "
+        "that car's turning left.",
+        "I was cycling home and someone opened their car door; I couldn't stop and rode right "
+        "into it.",
+    ],
+)
+def test_words_that_no_mark_takes_account_of_are_left_to_the_account(text: str) -> None:
+    assert isinstance(plan(text), SocialGraph)
 
 
 def test_a_change_in_which_nothing_is_read_is_not_planned_as_it_was() -> None:

@@ -95,6 +95,23 @@ def test_one_in_the_morning_is_night_and_not_morning(
     assert {each.state for each in found} == {"seen"}
 
 
+@pytest.mark.parametrize(
+    ("scene", "text"),
+    [
+        (FOLLOW, "A truck drives ahead of a taxi"),
+        (CRASH, "A car that couldn't stop hits a van"),
+        (YIELD, "A bus that isn't in a hurry waits for a pedestrian"),
+        (CRASH, "Car from the west, van from the south, crossing, collision"),
+        (CRASH, "A car and a van collide, the two of them"),
+    ],
+)
+def test_words_in_other_forms_are_seen(
+    made: Mapping[str, Made], place: IntersectionMap, scene: str, text: str
+) -> None:
+    found = account(made[scene], place, text).account
+    assert {each.words: each.state for each in found if each.state not in ("seen", "manner")} == {}
+
+
 def test_ways_that_cross_are_seen(made: Mapping[str, Made], place: IntersectionMap) -> None:
     words = "ways cross each other's path"
     for scene, text, state in (
@@ -375,7 +392,8 @@ def test_a_bound_is_not_seen_where_the_other_side_was_asked_for(
         (" at the junction", "junction", "stands_anyway"),
         (" carefully", "carefully", "manner"),
         (" at a zyzzyva", "zyzzyva", "not_shown"),
-        (", all except one", "except", "not_shown"),
+        (", missing by half a metre", "half", "not_shown"),
+        (", all except one", "all except", "not_shown"),
     ],
 )
 def test_what_tracks_cannot_say_is_named(

@@ -43,6 +43,11 @@ def test_numbers_and_plurals_are_counted(text: str, count: int | None) -> None:
     assert mention.count == count
 
 
+def test_the_other_way_is_no_road_user() -> None:
+    (driver,) = find("a driver coming the other way turns left")
+    assert driver.classes == {"vehicle"}
+
+
 def test_those_around_and_those_who_are_not_there_are_told_apart() -> None:
     asked, others, nobody = find("A bus with three other cars and no pedestrians")
     assert (asked.background, asked.absent) == (False, False)

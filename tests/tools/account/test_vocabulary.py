@@ -19,6 +19,8 @@ from scenewright.tools.account.vocabulary import load_vocabulary, read_tokens, r
         ("lorries", "lorry"),
         ("gave", "giv"),
         ("bus", "bus"),
+        ("proceeds", "proceed"),
+        ("proceed", "proceed"),
         ("red", "red"),
     ],
 )
@@ -45,8 +47,25 @@ def test_senses_stand_in_an_order_that_does_not_change() -> None:
         assert list(token.senses) == sorted(token.senses)
 
 
-def test_a_negation_is_read_from_the_end_of_its_verb() -> None:
-    assert [t.has("negation") for t in read_tokens("it doesn't stop")] == [False, True, False]
+@pytest.mark.parametrize("verb", ["doesn't", "couldn't", "shouldn’t", "wont", "hasnt"])
+def test_a_negation_is_read_from_the_end_of_its_verb(verb: str) -> None:
+    assert [t.has("negation") for t in read_tokens(f"it {verb} stop")] == [False, True, False]
+
+
+def test_two_words_of_a_phrase_may_be_written_as_one() -> None:
+    text = "a truck runs the redlight"
+    tokens = read_tokens(text)
+    assert [text[t.start : t.end] for t in tokens if t.has("red")] == [
+        "runs",
+        "the",
+        "red",
+        "light",
+    ]
+
+
+@pytest.mark.parametrize("whom", ["him", "me", "us"])
+def test_a_pronoun_may_stand_within_a_verb(whom: str) -> None:
+    assert all(t.has("event.collision") for t in read_tokens(f"runs {whom} over"))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from itertools import chain, islice
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.phrases import replace_phrases
 from scenewright.backends.builtin.reader.annotation import EVENTS
-from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.learned_plan import (
     OPENERS,
     LearnedPlan,
@@ -19,7 +18,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
     read_plan,
 )
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.same_lane import settle_lanes
+from scenewright.backends.builtin.same_lane import link_collisions
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.backends.builtin.spelling import mend_spelling
 from scenewright.backends.builtin.street_names import list_compass_texts
@@ -92,7 +91,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
     found = learned.plan if is_sure(learned, site) else _offer(learned, site)
     if isinstance(found, SocialGraph):
-        found = settle_lanes(found, phrased.text)
+        found = link_collisions(found)
     return mended.restore_plan(phrased.restore_plan(found))
 
 
@@ -104,7 +103,7 @@ def is_sure(learned: LearnedPlan, site: Site) -> bool:
     if learned.confidence >= SURE:
         return True
     long = len(learned.reading.text) > LONGEST_READ_AGAIN
-    if learned.confidence <= 0.0 or long or learned.reading.kind != "scene":
+    if long or learned.reading.kind != "scene":
         return False
     return all(is_same_plan(plan_, each) for each in _read_in_other_forms(learned, site))
 
@@ -162,16 +161,14 @@ def _offer(learned: LearnedPlan, site: Site) -> Refusal:
     """A refusal that quotes the doubtful words, with plain sentences that would be understood."""
     offers = tuple(islice(_list_sentences(learned, site), MOST_OFFERS))
     doubtful = _find_doubtful(learned.reading)
-    passed = find_passed_over(learned.reading)
     words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
-    words = f"'{passed[0]}' says" if passed else words
     hint = f"{_OFFERS}{' or '.join(repr(each) for each in offers)}?" if offers else ""
     unmade = [s for s in getattr(learned.plan, "said", ()) if s.became == "nothing" and s.note]
-    if isinstance(learned.plan, Refusal) and not passed:
+    if isinstance(learned.plan, Refusal):
         reason = learned.plan.reason + hint
         return Refusal(code=learned.plan.code, reason=reason, did_you_mean=offers)
     reason = f"It is not clear what {words}; say it in other words."
-    if unmade and not passed:
+    if unmade:
         reason = f"'{unmade[0].words}' cannot be part of a scene: {unmade[0].note}."
     return Refusal(code="out_of_scope", reason=reason + hint, did_you_mean=offers)
 

@@ -15,7 +15,6 @@ from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.named import Named
 from scenewright.backends.builtin.phrases import replace_phrases
 from scenewright.backends.builtin.reader.annotation import PAIRS, SEPARATOR
-from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.learned_plan import (
     LearnedPlan,
     is_no_change,
@@ -66,11 +65,6 @@ def read_change(
     for each in (before, after):
         if isinstance(each.plan, Refusal):
             raise Refused(each.plan.code, each.plan.reason)
-    passed = find_passed_over(after.reading)
-    if passed and after.confidence <= 0.0 and not after.objects:
-        raise Refused(
-            "out_of_scope", f"It is not clear what '{passed[0]}' says; say it in other words."
-        )
     return _Change(situation, before, after, site).list_edits()
 
 

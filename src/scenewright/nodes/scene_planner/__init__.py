@@ -99,10 +99,12 @@ def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
     if isinstance(plan, Refusal):
         raise Rejected(Rejection(stage="scene_planner", code=plan.code, detail=plan.reason))
     if not context.lenient:
+        # What the builtin planner takes for unrealisable is a hint: the account judges the words.
+        hints = get_backend_of_task(context.backend, "plan").deterministic
         left_out = [
             Unserved(entry=n, note=each.note or "not modelled")
             for n, each in enumerate(plan.said)
-            if each.became == "nothing"
+            if each.became == "nothing" and not hints
         ]
         refuse_unrealised(plan, left_out, "scene_planner")
         unknown = list_unknown_words(instruction, context.intersection)

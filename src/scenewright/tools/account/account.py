@@ -24,7 +24,7 @@ from scenewright.tools.relation_checker import check
 from scenewright.tools.relation_checker.clock import is_within
 
 _STANDS = ("place", "crosswalk", "adverb", "stands", "request", "unit", "change")
-_TURNS_MEANING = ("negation", "sequence", "order")
+_TURNS_MEANING = ("negation", "sequence", "order", "beyond.part")
 """Senses of function words that turn a meaning, which are content (SEMANTICS 9)."""
 _DECISIVE = ("kind", "object")
 """Types of which one that fails outweighs whatever else holds of the word."""
@@ -333,7 +333,8 @@ def _judge_claims(
     families = token.list_families()
     grave = [each for each in false if each[0].type in (*_STRICT, "crosswalk")]
     limit = token.unit is not None and not found
-    if (limit or not families.isdisjoint(_STANDS)) and not grave:
+    figure = token.number is not None and "number" in {claim.type for claim, _ in found}
+    if (limit or not families.isdisjoint(_STANDS)) and not (grave or figure):
         return _NAMES_FIGURE if "unit" in families else _ANYWAY
     if not grave and ("manner" in families or (token.text.endswith("ly") and not families)):
         return _Judged("manner", evidence="tracks cannot speak of it")

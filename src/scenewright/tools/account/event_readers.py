@@ -30,7 +30,8 @@ def read_event(finder: PartyFinder, span: Span) -> Iterator[Claim]:
         if sense.startswith("event.") and own == span
     }
     subjects, objects = finder.find_parties(start, stop)
-    if finder.is_passive(start, stop):
+    leads = "follow" in kinds and any(t.is_in("leading") for t in finder.tokens[start:stop])
+    if leads or finder.is_passive(start, stop):  # who is ahead is followed
         subjects, objects = objects, subjects
     before = finder.tokens[max(0, start - 4) : start]
     denied = finder.is_denied(start)

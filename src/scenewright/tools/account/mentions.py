@@ -259,7 +259,10 @@ def _read_pronoun(tokens: Sequence[Token], n: int) -> Mention | None:
         return Mention(n, n, n + 1, frozenset(), None if plural else 1, pronoun=True)
     if token.text in ("everyone", "everybody"):
         return Mention(n, n, n + 1, frozenset(), None, pronoun=True, other=True)
-    if token.is_in("stand_for_one", "stand_for_many") and not (follows and follows.has("noun")):
+    in_phrase = any(start < n for start, _ in token.senses.values())  # "comes the other way"
+    if token.is_in("stand_for_one", "stand_for_many") and not (
+        in_phrase or (follows and follows.has("noun"))
+    ):
         if n and tokens[n - 1].text == "no":
             return None
         count = 2 if token.text == "both" else None if token.is_in("stand_for_many") else 1

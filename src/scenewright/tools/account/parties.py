@@ -105,12 +105,19 @@ class PartyFinder:
         return n == 0 or self.tokens[n - 1].sentence != self.tokens[n].sentence
 
     def is_denied(self, start: int) -> bool:
-        """Whether a negation stands before a word, in its part of the sentence."""
-        for each in reversed(self.tokens[max(0, start - 5) : start]):
+        """Whether a negation stands before a word, in its part of the sentence.
+
+        It belongs to the first verb after it: who "could not stop hits a van", and who "isn't in a
+        hurry waits".
+        """
+        for n in range(start - 1, max(-1, start - 6), -1):
+            each = self.tokens[n]
             if each.kind in ("end", "comma") or each.text in ("and", "but", "then"):
                 return False
             if each.negates:
-                return True
+                return not each.is_in("be_not") or start - n <= 2
+            if each.has("stop", "brake"):
+                return False
         return False
 
     def is_passive(self, start: int, stop: int) -> bool:

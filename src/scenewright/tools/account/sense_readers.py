@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
 
 from scenewright.scene.kinds import has_trait
 from scenewright.tools.account import claim_tests as tests
@@ -95,6 +96,9 @@ def _read_mention(finder: PartyFinder, index: int) -> Iterator[Claim]:
     """Class, count and object of a mention."""
     mention, tokens = finder.mentions[index], finder.tokens
     if mention.pronoun:
+        if number := tokens[mention.head].number:  # "the two of them", "both"
+            many = tests.CountTest(index, mention.classes, int(number))
+            yield Claim("count", f"{number:g}", (mention.head,), (index,), many)
         return
     if mention.absent or mention.background:
         yield _read_others(finder, mention)
@@ -160,11 +164,13 @@ def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
         stands = unit == "s" and any(each.has("stop") for each in tokens[max(0, n - 3) : n])
         test = tests.NumberTest(subjects, unit, value, stands, _find_bound(tokens, n))
         yield Claim("number", f"{value:.3g} {unit}", (n,), subjects, test)
+    elif any(m.start <= n < m.stop for m in finder.mentions):
+        return
     elif span := next((s for s in finder.events if 0 < s[0] - n <= 2), None):  # "two near misses"
         kinds = tokens[span[0]].list_values("event")
         yield Claim("count", f"{number:g} {'/'.join(kinds)}", (n,), (),
                     tests.EventCountTest(kinds, number))  # fmt: skip
-    elif not is_label(tokens, n) and not any(m.start <= n < m.stop for m in finder.mentions):
+    elif not is_label(tokens, n):
         yield Claim("number", f"{number:g}", (n,), (), tests.BareNumberTest(number))
 
 
@@ -268,7 +274,8 @@ def _is_opposite(entry: str, side: str) -> bool:
 
 def _is_of_crosswalk(tokens: Sequence[Token], n: int) -> bool:
     """Whether a side says which crosswalk: "the east crosswalk", "crosses the east leg"."""
-    if any(each.has("crosswalk") for each in tokens[n + 1 : n + 3]):
+    after = [*takewhile(lambda each: each.kind == "word", tokens[n + 1 : n + 3])]
+    if any(each.has("crosswalk") for each in after):  # not "from the east, crossing"
         return True
     k = n - 1
     while k > 0 and tokens[k].text in ("on", "of", "at", "the", "in", ":", "="):
@@ -403,9 +410,13 @@ def _read_stop(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     def holds(facts: SceneFacts, number: int) -> bool:
         slows = any(e.type == "yielding" and facts.has_role(e, number) for e in facts.events)
         stands = facts.stands(number) >= tests.LEAST_STANDSTILL or (slows and not stop)
-        # the motion of those who collide ends there
+        # the motion of those who collide ends there, also of who could not stop
         ends = any(e.type == "collision" and number in (e.from_, e.to) for e in facts.events)
-        return stands != denied or (hit and ends and not denied)
+        ends |= any(
+            each.agent == number and tests.makes_true("encounter", each.how, "collision")
+            for each in facts.scene.encounters
+        )
+        return stands != denied or (ends and (hit or denied))
 
     value = "does not stop" if denied else "stops"
     yield from _claim_all(finder, n, ("stop", value, "stands"), holds)

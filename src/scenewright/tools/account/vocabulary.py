@@ -91,16 +91,20 @@ class Vocabulary:
 
     Attributes:
         exact, stems: (words...) -> senses, as they stand and by their stems.
-        function: words without content; longest: words of the longest phrase.
-        singles: words and stems of any phrase; spelling: words that a misspelt one may be.
+        function: words without content; contracted: those that deny without an apostrophe, "cant";
+            longest: words of the longest phrase.
+        singles: words and stems of any phrase; joined: phrases of two words written as one,
+            "redlight", with where the second begins; spelling: words that a misspelt one may be.
         lists: words that the code asks for by the name of their list.
     """
 
     exact: Mapping[tuple[str, ...], frozenset[str]]
     stems: Mapping[tuple[str, ...], frozenset[str]]
     function: frozenset[str]
+    contracted: frozenset[str]
     longest: int
     singles: frozenset[str]
+    joined: Mapping[str, int]
     spelling: frozenset[str]
     lists: Mapping[str, frozenset[str]]
 
@@ -115,7 +119,7 @@ def reduce_word(word: str) -> str:
     if len(word) <= 3 or word in _KEEP:
         return word
     for ending in ("ings", "ing", "ers", "ied", "ies", "edly", "ed", "es", "s"):
-        if word.endswith(ending) and len(word) - len(ending) >= 2:
+        if word.endswith(ending) and len(word) - len(ending) >= 2 and word[-3:] != "eed":
             root = word[: -len(ending)]
             if ending in ("ied", "ies"):
                 return root + "y"
@@ -152,12 +156,20 @@ def _load_vocabulary(_own: str | None) -> Vocabulary:
         w.lstrip("=") for group in (*nouns.values(), *WORDS["senses"].values())
         for phrase in group for w in phrase.split()
     }  # fmt: skip
+    singles = frozenset(w for key in (*exact, *stems) for w in key)
     return Vocabulary(
         exact={k: frozenset(v) for k, v in exact.items()},
         stems={k: frozenset(v) for k, v in stems.items()},
         function=function,
+        contracted=frozenset(w for w in function if w.endswith("nt")),
         longest=max(map(len, (*exact, *stems))),
-        singles=frozenset(w for key in (*exact, *stems) for w in key),
+        singles=singles,
+        joined={
+            "".join(pair): len(pair[0])
+            for phrases in (*WORDS["nouns"].values(), *WORDS["senses"].values())
+            for pair in (phrase.lstrip("=").split() for phrase in phrases)
+            if len(pair) == 2 and singles.isdisjoint(("".join(pair), reduce_word("".join(pair))))
+        },
         spelling=frozenset(w for w in spelling if len(w) > 2),
         lists={name: frozenset(words) for name, words in WORDS["lists"].items()},
     )
@@ -265,17 +277,27 @@ def _cut(text: str) -> Iterator[Token]:
         figure = match["figure"]
         number = float(figure.replace(",", ".")) if figure else _SPELT.get(low)
         number = float(low[1:]) if kind == "word" and re.fullmatch(r"x\d", low) else number
-        yield Token(
+        token = Token(
             match.start(), match.start() + len(match[0].rstrip()), low, stem, kind,
             sentence, number, (match["unit"] or "").lower().replace(" ", "") or None,
             capital=match[0][:1].isupper(),
         )  # fmt: skip
+        cut = load_vocabulary().joined.get(low)
+        if cut is None or low in load_english_words():
+            yield token
+            continue
+        for start, end in ((0, cut), (cut, len(low))):
+            part, at = low[start:end], token.start
+            yield replace(
+                token, text=part, stem=reduce_word(part), start=at + start, end=at + end,
+                number=_SPELT.get(part),
+            )  # fmt: skip
 
 
 def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[str]]]:
     words = load_vocabulary()
     for start, first in enumerate(tokens):
-        if first.text.endswith("n't"):
+        if first.text.endswith("n't") or first.text in words.contracted:
             yield start, start + 1, frozenset({"negation"})
         for stop in range(min(len(tokens), start + words.longest), start, -1):
             part = tokens[start:stop]
@@ -286,7 +308,11 @@ def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[st
             if exact | stems:
                 yield start, stop, exact | stems
         apart = tokens[start : start + 3]
-        if len(apart) == 3 and apart[1].is_in("pronouns") and apart[2].is_in("particles"):
+        if (
+            len(apart) == 3
+            and apart[1].is_in("pronouns", "first_person")
+            and apart[2].is_in("particles")
+        ):
             senses = words.stems.get((first.stem, apart[2].stem))
             if senses:  # else its words keep their own
                 yield start, start + 3, senses
@@ -308,7 +334,7 @@ def _mend_spelling(token: Token) -> Token:
     if doubled and token.text not in words.spelling:
         once = token.text[:-1]  # "hitt"
         return replace(token, text=once, stem=reduce_word(once), mended=once)
-    if token.kind != "word" or len(token.text) < 3 or known or token.text in load_english_words():
+    if token.kind != "word" or len(token.text) < 2 or known or token.text in load_english_words():
         return token
     alike = {w for part in _drop_letters(token.text) for w in _index_spelling().get(part, ())}
     near = [w for w in alike if _is_one_slip(token.text, w)] or _find_alike(token.text)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from scenewright.backends.builtin.draft import (
     AgentDraft,
@@ -62,8 +62,6 @@ _EVENTS_OF: dict[str, tuple[str, ...]] = {
 _SEVERITY = ("contact_speed", "pet", "ttc")
 """Kinds for which a relation has a field of its own, where the text gives a plain number."""
 
-_ITS_FRONT = re.compile(r"\bits (?:own )?front\b", re.IGNORECASE)
-_AT = re.compile(r"\s+at\b", re.IGNORECASE)
 _NEAR = 26
 """Characters before and after a figure in which words belong to it."""
 
@@ -105,7 +103,6 @@ def read_number(
         return AskedNumber(
             tuple(MeasureDraft("speed", a, None, *_PACES[a.type][fast]) for a in own)
         )
-    span = _give_to_striker(_make_driven(span, text, spans), text, spans)
     # What stands before the words in their own clause, and touches them.
     tail = _TAIL.search(text[max(0, span.start - _NEAR) : span.start])
     touching = _TOUCHES.search(tail[0]) if tail else None
@@ -115,7 +112,9 @@ def read_number(
     kind = _find_kind(span, users, spans, after)
     about = [users[n] for n in (*span.subjects, *span.objects) if n in users]
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft, about)
-    elsewhere = _is_measured_elsewhere(span, spans)
+    named = [s.start for s in spans if s.tag in ("ref", *MENTIONS)]
+    # "2 m from a cyclist" is a distance to the road user named right after it.
+    elsewhere = span.tag == "dist" and any(0 <= start - span.end <= 1 for start in named)
     if span.negated or kind is None or elsewhere or _RELATIVE.search(f"{span.words}{after}"):
         return None
     found = parse_range(span.words, before, UNITS[kind].tolerance)
@@ -133,12 +132,6 @@ def read_number(
     return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
 
 
-def _is_measured_elsewhere(span: ReadSpan, spans: Sequence[ReadSpan]) -> bool:
-    """Whether a distance is one to the road user named right after it: "2 m from a cyclist"."""
-    named = [s.start for s in spans if s.tag in ("ref", *MENTIONS)]
-    return span.tag == "dist" and any(0 <= start - span.end <= 1 for start in named)
-
-
 def says_pace(span: ReadSpan) -> bool:
     """Whether the words ask for a fast or a slow agent: "speeding", "a slow van"."""
     if span.tag not in ("pace", "follow", "red", "left", "right", "straight", *MENTIONS):
@@ -146,39 +139,8 @@ def says_pace(span: ReadSpan) -> bool:
     return not span.negated and bool(_FAST.search(span.words)) != bool(_SLOW.search(span.words))
 
 
-def _make_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
-    """The speed of "driving at" is the agent's own, and not that of the impact."""
-    if span.tag != "impact" or not _DRIVING.search(text[: span.start] + span.words.split()[0]):
-        return span
-    mentions = [s for s in spans if s.start < span.start and s.tag in ("ref", *MENTIONS)]
-    return replace(span, tag="speed", subjects=mentions[-1].subjects) if mentions else span
-
-
-_DRIVING = compile_words("asked_numbers.driving")
-
-
 _TOUCHES = compile_words("asked_numbers.touches")
 """Words of a bound that a figure may follow."""
-
-
-def _give_to_striker(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
-    """Assign a speed right after the agent that is hit, and a place on "its" front, to the striker.
-
-    "Hits another car at 8 m/s", "collides with another car, at 50 % of its front".
-    """
-    tags = ("hit", "ref", *MENTIONS)
-    before = [s for s in spans if s.end <= span.start and s.tag in tags and not s.negated]
-    hit = next((s for s in reversed(before) if s.tag == "hit"), None)
-    if hit is None:
-        return span
-    struck = before[-1]
-    if span.tag == "speed" and before[-2:-1] == [hit] and struck is not hit:
-        joined = _AT.match(text[struck.end : span.end]) is not None
-        given = joined and set(struck.subjects) <= set(hit.objects)
-    else:
-        front = span.tag == "point" and _ITS_FRONT.search(text[hit.end : span.end]) is not None
-        given = front and set(span.subjects) <= {*hit.subjects, *hit.objects}
-    return replace(span, subjects=hit.subjects) if given else span
 
 
 def _find_kind(

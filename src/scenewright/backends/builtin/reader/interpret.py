@@ -33,7 +33,6 @@ from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import TO_TWENTY, number_in
 from scenewright.backends.builtin.reader.orders import has_order_words
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.unmarked import CLOCK, is_no_clock
 from scenewright.backends.builtin.reader.words import (
     compile_words,
     find_class,
@@ -50,7 +49,6 @@ from scenewright.scene.social import (
     MOST_BACKGROUND,
     RelationType,
 )
-from scenewright.scene.track import EMERGENCY
 
 RELATIONS = {"hit": "collide_at", "near": "near_miss", "yield": "yield_to", "follow": "follow"}
 _RELATIVE = {
@@ -85,11 +83,10 @@ _ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b"
 _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
 _SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
 """What stands right before "impact" where that only says when."""
-_STOPS = re.compile(r"\b(?:stop|halt|wait)|\bpulls? up\b", re.IGNORECASE)
-_STOPS_BEFORE = re.compile(r"\b(?:stop|halt|brak)\w*\b[^.;]{0,30}\bbefore $", re.IGNORECASE)
-"""What stands right before "hitting each other" where that does not come about."""
 _TURN_CRASH = re.compile(r"\b(left|right)[- ](?:turn|cross)(?: across path)? $", re.IGNORECASE)
 """What stands right before "collision" where it is that of a turn across the way of another."""
+_HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
+_STOPS = re.compile(r"\b(?:stop|halt|wait)|\bpulls? up\b", re.IGNORECASE)
 _HAND_SIDE = re.compile(r"\b(?:left|right)[- ]hand side\b", re.IGNORECASE)
 """The side from which a road user comes, not a part of a vehicle."""
 _NOBODY = compile_words("interpret.nobody")
@@ -105,9 +102,7 @@ _CLAUSE = re.compile(r"[^.,;:]{0,40}?(?=[.,;:]| and | but |$)")
 _TO_NOBODY = re.compile(r"\b(?:nobody|no[- ]?one)\b", re.IGNORECASE)
 _BEHIND = compile_words("interpret.behind")
 _UNTIL = re.compile(r"\b(?:until|till|before)$", re.IGNORECASE)
-_NO_TURN = compile_words("interpret.no_turn")
 _ONCOMING = re.compile(r"\boncoming\b|\bopposing\b", re.IGNORECASE)
-_TRAFFIC = re.compile(r"\b(cross|crossing|oncoming|opposing)[- ]traffic\b", re.IGNORECASE)
 _CROSSES = re.compile(r"\bcross(?:es|ing|ed)?\b", re.IGNORECASE)
 _JAYWALKER = re.compile(r"jay-?walk", re.IGNORECASE)
 
@@ -224,7 +219,7 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
     result.spans = tuple(sorted(reading.spans, key=lambda each: each.start))
     _introduce_drafts(result, reading)
-    for span in _put_headings_last(_assign_owners(result, reading)):
+    for span in sorted(_assign_owners(result, reading), key=lambda each: each.start):
         if 0 <= change < span.start and not result.changing:
             _settle(result)
             result.changing = True
@@ -232,30 +227,6 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
             _RULES.get(span.tag, _leave_out)(result, span)
     _settle(result)
     return result
-
-
-def _put_headings_last(spans: Iterable[ReadSpan]) -> list[ReadSpan]:
-    """The spans in order, but a heading after the words that say where the same road user is from.
-
-    "Heading north, from the east": alone the heading says the entry, beside one it says the exit.
-    """
-    found = sorted(spans, key=lambda each: each.start)
-    for span in [each for each in found if each.tag == "heading"]:
-        own = [
-            n
-            for n, each in enumerate(found)
-            if _has_entry(each, span.subjects) and get_side(each) != get_side(span)
-        ]
-        at = found.index(span)
-        if own and own[-1] > at:
-            found.insert(own[-1], found.pop(at))
-    return found
-
-
-def _has_entry(span: ReadSpan, users: Sequence[int]) -> bool:
-    """Whether the span names the leg that one of the users comes from."""
-    named = span.tag == "from" and not span.negated and span.value not in _RELATIVE
-    return named and bool(set(span.subjects) & set(users))
 
 
 def _assign_owners(result: Interpretation, reading: Reading) -> tuple[ReadSpan, ...]:
@@ -311,17 +282,16 @@ def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
 _CLASSES: dict[str, AgentClass] = {
     "veh": "vehicle", "ped": "pedestrian", "cyc": "cyclist", "scoot": "scooter",
 }  # fmt: skip
+
+
 _NO_BICYCLE = re.compile(r"rickshaw|pedicab|unicycl|velomobile|handcart|quad", re.IGNORECASE)
 _NO_SCOOTER = compile_words("interpret.no_scooter")
 
 
 def _get_class(span: ReadSpan) -> AgentClass | None:
     """The class that a mention introduces; None where agents of its kind are not modelled."""
-    if span.tag == "cyc" and _NO_BICYCLE.search(span.words):
-        return None
-    if span.tag == "scoot" and _NO_SCOOTER.search(span.words):
-        return None
-    return _CLASSES.get(span.tag)
+    unknown = {"cyc": _NO_BICYCLE, "scoot": _NO_SCOOTER}.get(span.tag)
+    return None if unknown and unknown.search(span.words) else _CLASSES.get(span.tag)
 
 
 _ONE_MORE = ("another", "another one", "a second", "a second one")
@@ -355,13 +325,8 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
         return
     if match := _BOUND.search(span.words):
         bound = match[1].lower() if match[1] else _INITIAL[match[2].lower()]
-        given = [get_side(each) for each in result.spans if _has_entry(each, (number,))]
-        if given and given[0] not in (None, OPPOSITE[bound], bound):
-            agent.exit = bound
-            result.enter(span, "exit", (number,), bound)
-        else:
-            agent.entry = OPPOSITE[bound]
-            result.enter(span, "entry", (number,), agent.entry)
+        agent.entry = OPPOSITE[bound]
+        result.enter(span, "entry", (number,), agent.entry)
     words = result.text[max(0, span.start - 6) : span.start] + span.words
     turn = "straight" if _THROUGH.search(words) else None
     if match := _TURNING.search(words):  # "left-turner", "thru vehicle"
@@ -436,17 +401,6 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
             "impossible",
             f"Vehicles stay on the road here ('{span.words}'); move the vehicle to the road.",
         )
-    if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
-        _brake(result, span)
-        return
-    if span.tag == "sight" and not _VIEW.search(span.words):
-        result.enter(span, "manner", span.subjects)  # "overlooks", "does not see"
-        return
-    if _SIREN.search(result.text[max(0, span.start - 12) : span.end + 12]) and any(
-        agent.subtype in EMERGENCY for agent in result.users.values()
-    ):
-        result.enter(span, "manner", span.subjects)
-        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
 
@@ -454,12 +408,6 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
 def _leave_out_act(result: Interpretation, span: ReadSpan) -> None:
     """What no agent can do, or nothing is there to do it to."""
     _leave_out(result, replace(span, tag="act"))
-
-
-_VIEW = compile_words("interpret.view")
-"""Words of what can be seen from where, which objects decide; others say who took notice."""
-_SIREN = compile_words("interpret.siren")
-"""What emergency vehicles show and sound, which leaves no trace in tracks."""
 
 
 _OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|buzz", re.IGNORECASE)
@@ -496,9 +444,6 @@ _CLOSE_CLEARANCE = 1.5
 def get_side(span: ReadSpan) -> str | None:
     """The compass name in the words of a span, else the one that the encoder sees there."""
     names = [(m[1] + (m[2] or "")).lower() for m in _NAME.finditer(span.words)]
-    if len(names) == 2 and span.tag == "cw":  # from corner to corner: the side that both share
-        shared = [side for side in _INITIAL.values() if all(side in name for name in names)]
-        names = shared if len(shared) == 1 else names
     if names:
         return names[0]
     if match := _LETTER.search(span.words):
@@ -637,9 +582,6 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
         return
     name = {"cross": "crossing", "jay": "jaywalking"}.get(span.tag, span.tag)
     if span.tag in ("left", "right"):
-        if _NO_TURN.search(span.words):
-            result.enter(span, "manner", span.subjects)
-            return
         said = {each.lower() for each in re.findall(r"\b(left|right)", span.words, re.IGNORECASE)}
         name = said.pop() if len(said) == 1 else name
     walks = name in ("crossing", "jaywalking")
@@ -700,8 +642,6 @@ _IS_RED = re.compile(r"\bred\b", re.IGNORECASE)
 
 
 def _relate(result: Interpretation, span: ReadSpan) -> None:
-    if span.tag == "hit" and _STOPS_BEFORE.search(result.text[: span.start]):
-        span = replace(span, tag="near", value=None)
     if _SECONDS_BEFORE.search(result.text[: span.start]):
         result.enter(span, "manner", span.subjects)
         return
@@ -722,7 +662,7 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             f"The text says '{span.words}', but not between which agents; say which road user "
             "collides with, nearly hits, gives way to or follows which other.",
         )
-    for first, second in [p for p in pairs if _fits(span.tag, users[p[0]], users[p[1]])] or pairs:
+    for first, second in pairs:
         pair = frozenset((id(users[first]), id(users[second])))
         near = any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
         if near and _HEAD_ON.fullmatch(span.words):  # it says how the two nearly collide
@@ -768,16 +708,6 @@ def _list_pairs(span: ReadSpan, users: Collection[int]) -> list[tuple[int, int]]
     return list(zip(followers, [*leaders, *followers[:-1]], strict=True))
 
 
-_HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
-
-
-def _fits(tag: str, first: AgentDraft, second: AgentDraft) -> bool:
-    """Whether two of their classes can have such a relation."""
-    if tag == "follow":
-        return first.walks == second.walks
-    return {first.type, second.type} != {"pedestrian"}
-
-
 def _move_so(result: Interpretation, span: ReadSpan) -> None:
     """How pedestrians cross, and how vehicles pass a light."""
     motion = find_marked("motion", span.value or "")
@@ -791,14 +721,9 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
         elif span.negated:  # "does not run": the pedestrian walks
             agent.motion = None if agent.motion == motion else agent.motion
             result.enter(span, "manner", (number,))
-        elif span.value == "darts" and _WALKS.search(span.words):
-            result.enter(span, "manner", (number,))
         else:
             agent.motion = motion
             result.enter(span, "motion", (number,), motion)
-
-
-_WALKS = re.compile(r"\bwalk", re.IGNORECASE)
 
 
 def _react(result: Interpretation, span: ReadSpan) -> None:
@@ -840,25 +765,19 @@ def _react_so(result: Interpretation, span: ReadSpan) -> None:
 def _add_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
     """The pair of an event of which the text names but one party, or none: "pedestrian strike".
 
-    The other one is a vehicle. Nothing is implied of a vehicle alone, but that it gives way to
-    traffic, or is hit from behind.
+    The other one is a vehicle. Nothing is implied of a vehicle alone, but that it is hit from
+    behind.
     """
     known = [n for n in (*span.subjects, *span.objects) if n in result.users]
     behind = (span.tag, span.value) == ("hit", "rear") and not span.subjects
     if behind and [result.users[n].type for n in known] == ["vehicle"]:
         return [(_add_implied_vehicle(result), known[0])]
-    traffic = _TRAFFIC.search(result.text, span.start)
     if span.tag in ("hit", "near") and not result.users:
         return [(_add_implied_vehicle(result), _add_implied_vehicle(result))]
     on_foot = all(result.users[number].type == "pedestrian" for number in known)
     if span.tag in ("hit", "near") and known and on_foot:
         striker = _add_implied_vehicle(result)
         return [(striker, number) for number in known]
-    if span.tag == "yield" and known and traffic is not None:
-        other = _add_implied_vehicle(result)
-        side = "lateral" if traffic[1].lower().startswith("cross") else "opposite"
-        result.users[other].relatives.append((side, result.users[known[0]]))
-        return [(known[0], other)]
     return []
 
 
@@ -993,16 +912,13 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
         raise Refused("out_of_scope", f"'{span.words}' says which time it is not; say which it is.")
     if result.changing and not result.retimed:
         result.times, result.retimed = [], True
-    if is_no_clock(result.text, span.start, span.words):
-        result.enter(span, "nothing", note="no time of day that is known")
-        return
     if is_pronoun(result.text, span.start):
         begins = span.start + len("one ")
         span = replace(span, start=begins, words=result.text[begins : span.end])
     low = clean(" , ".join(each.words for each in (*result.times, span)))
     names, clock = time_words_in(low), read_clock(low)
     if clock is None:
-        figures = CLOCK.search(low)
+        figures = _FIGURES.search(low)
         clock = read_clock(f"at {figures[0] if figures else low}")
     if "rush hour" in names and {"morning", "evening", "afternoon"} & {*names}:
         names = ["morning rush" if "morning" in names else "evening rush"]
@@ -1017,6 +933,8 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     result.enter(span, "time_of_day", value=time)
 
 
+_FIGURES = re.compile(r"\b(?:[01]\d|2[0-3])[0-5]\d\b")
+"""A clock of four figures, "1625"."""
 _SPOKEN = re.compile(r"\b(?:half|past|to|till|after|before|o ?'? ?clock)\b")
 
 
@@ -1123,9 +1041,6 @@ def _settle(result: Interpretation) -> None:
     if threatened and not draft.relations and len(draft.agents) == 2:
         first, second = draft.agents
         draft.relations.append(RelationDraft("near_miss", first, second))
-    if any(s.value == "opp" and _HEAD_ON.fullmatch(s.words) for s in result.spans):
-        for edge in (e for e in draft.relations if e.type == "collide_at"):
-            edge.kind = edge.kind or find_marked("collision", "head")
     settle_lead_braking(result)
     settle_lanes(result)
     for agent in map(result.users.get, result.braking):

@@ -21,16 +21,13 @@ from scenewright.backends.builtin.read_objects import (
     take_out_objects,
 )
 from scenewright.backends.builtin.reader.annotation import SEPARATOR
-from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.groups import count_plurals, join_groups
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
 from scenewright.backends.builtin.reader.manoeuvres import correct_manoeuvres
 from scenewright.backends.builtin.reader.merging import merge_mentions, refer_back
 from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reactions import read_reactions
-from scenewright.backends.builtin.reader.reading import Reading, ReadSpan, read_text
-from scenewright.backends.builtin.reader.unmarked import read_unmarked
-from scenewright.backends.builtin.reader.words import compile_words
+from scenewright.backends.builtin.reader.reading import Reading, read_text
 from scenewright.backends.builtin.scope import build_nothing_planned
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import still_holds
@@ -43,8 +40,8 @@ class LearnedPlan:
 
     Attributes:
         objects: what stands in the text, which is part of the plan.
-        confidence: the least probability of a choice that the plan rests on; 0 where words are
-            passed over that may not be.
+        confidence: the least probability of a choice that the plan rests on; 0 where a change
+            changes nothing.
         users: number of a road user in the reading -> id of its agent.
     """
 
@@ -106,8 +103,8 @@ def plan_reading(
     reading, objects = take_out_objects(whole)
     reading = count_plurals(join_groups(merge_mentions(reading)))
     reading = read_reactions(correct_manoeuvres(reading))
-    reading = orient_orders(read_unmarked(reading))
-    confidence = _compute_confidence(reading, whole, objects)
+    reading = orient_orders(reading)
+    confidence = _compute_confidence(reading, objects)
     try:
         interpretation = interpret(reading, site)
         draft = _settle(interpretation, text)
@@ -149,30 +146,13 @@ def _play_phrase(
             play_phrase(relation, phrase, interpretation.draft.site)
 
 
-def _compute_confidence(reading: Reading, whole: Reading, objects: tuple[ReadObject, ...]) -> float:
-    """The least probability of a choice that the plan rests on; 0 where words are passed over."""
-    # Without a contact in the text, a denied one is between no agents in particular.
-    contact = any(each.tag == "hit" and not each.negated for each in reading.spans)
-    silent = ("manner", "ref") if contact else ("manner", "ref", "no contact")
-    spans = [
-        span.confidence
-        for span in reading.spans
-        if ("no contact" if _denies_contact(span) else span.tag) not in silent
-    ]
+def _compute_confidence(reading: Reading, objects: tuple[ReadObject, ...]) -> float:
+    """The least probability of a choice that the plan rests on."""
+    spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
     spans += [span.confidence for each in objects for span in each.list_spans()]
-    passed = find_passed_over(whole if objects else reading)
-    if reading.kind in ("scene", "edit") and (passed or is_no_change(reading)):
+    if is_no_change(reading):
         return 0.0
     return min([reading.kind_confidence, *spans])
-
-
-_DENIES = compile_words("learned_plan.denies")
-
-
-def _denies_contact(span: ReadSpan) -> bool:
-    """Whether words only deny a contact: beside what does happen, nothing hangs on who is meant,
-    as no scene has one that the text does not ask for."""
-    return span.tag == "hit" and span.negated and _DENIES.search(span.words) is not None
 
 
 def is_no_change(reading: Reading) -> bool:

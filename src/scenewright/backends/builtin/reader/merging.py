@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
@@ -15,14 +14,8 @@ from scenewright.backends.builtin.reader.words import (
     find_nouns,
 )
 
-_SPEAKER = re.compile(r"^(?:i|me|we|us|myself)$", re.IGNORECASE)
-_OWN = re.compile(r"^(?:my|our) [\w -]+$", re.IGNORECASE)
-
 _FUNCTION_WORDS = frozenset(WORDS["merging"]["function_words"])
 _ARTICLE = re.compile(r"an?|the", re.IGNORECASE)
-_WALKER = compile_words("merging.walker")
-"""Nouns of those who are on foot, never of drivers."""
-
 _ON_THE = compile_words("merging.on_the")
 """Between a rider and the crosswalk that it rides on."""
 
@@ -30,9 +23,8 @@ _SURELY = 0.95
 
 
 def merge_mentions(reading: Reading) -> Reading:
-    """The reading with mentions of one road user made one: "I ... my moped", "oncoming truck"."""
+    """The reading with mentions of one road user made one: "the oncoming", "truck"."""
     reading = _drop_function_words(reading)
-    reading = replace(reading, spans=tuple(_read_axes(reading)))
     reading = replace(reading, spans=tuple(map(_correct_class, reading.spans)))
     reading = replace(reading, spans=tuple(_let_ride(span, reading) for span in reading.spans))
     for kept, dropped in list(_find_same(reading)):
@@ -61,28 +53,11 @@ def refer_back(reading: Reading, end: int) -> Reading:
     return reading
 
 
-def _read_axes(reading: Reading) -> Iterator[ReadSpan]:
-    """The spans, with "east-west" as a way from the one side to the other."""
-    yield from reading.spans[:1]
-    for before, span in pairwise(reading.spans):
-        between = reading.text[before.end : span.start].strip()
-        axis = before.tag == span.tag == "from" and {before.value, span.value} == {None}
-        if axis and between in ("-", "/", "–") and before.subjects == span.subjects:
-            yield replace(span, tag="to", confidence=max(span.confidence, _SURELY))
-        else:
-            yield span
-
-
 def _correct_class(span: ReadSpan) -> ReadSpan:
-    """The mention as one of a pedestrian or rider where its noun can be nothing else."""
+    """The mention as one of a rider where its noun can be nothing else."""
     kinds = {noun.kind for noun in find_nouns(span.words)} if span.tag == "veh" else set()
-    walks = "ped" if _WALKER.search(span.words) and "vehicle" not in kinds else None
-    tag = walks or _RIDERS.get("".join(kinds))
-    sure = max(span.confidence, _SURELY)
-    return replace(span, tag=tag, confidence=sure) if span.tag == "veh" and tag else span
-
-
-_RIDERS = {"cyclist": "cyc", "scooter": "scoot"}
+    tag = {"cyclist": "cyc", "scooter": "scoot"}.get("".join(kinds))
+    return replace(span, tag=tag, confidence=max(span.confidence, _SURELY)) if tag else span
 
 
 def _let_ride(span: ReadSpan, reading: Reading) -> ReadSpan:
@@ -139,11 +114,6 @@ def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
         ]
         if later_users:
             yield min(later_users, key=lambda u: single[u].start), user
-    speaker = next((u for u, span in single.items() if _SPEAKER.match(span.words)), None)
-    for user, span in single.items():
-        own = _OWN.match(span.words) and find_nouns(span.words)
-        if speaker is not None and user != speaker and own and single[speaker].tag == span.tag:
-            yield speaker, user
 
 
 _MOST_BETWEEN = 40
@@ -156,9 +126,7 @@ def _merge(reading: Reading, kept: int, dropped: int) -> Reading:
     spans = tuple(_renumber_span(span, kept, dropped) for span in reading.spans)
     at_kept, at_dropped = reading.users[kept], reading.users[dropped]
     gone = replace(second, tag="ref", value=None, subjects=(kept,))
-    if _SPEAKER.match(first.words):
-        first = replace(first, words=second.words)
-    elif second.end <= first.start and not reading.text[second.end : first.start].strip(" -"):
+    if second.end <= first.start and not reading.text[second.end : first.start].strip(" -"):
         whole = reading.text[second.start : first.end]
         first = replace(first, words=whole, start=second.start)
     spans = tuple(
