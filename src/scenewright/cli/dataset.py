@@ -105,13 +105,13 @@ def check(
 def join(
     folder: Folder,
     other: str = argument(..., "Dataset whose rows join it, such as a fill's.", metavar="OTHER"),
-) -> None:
+) -> Result:
     """Add the scenes and refusals of another dataset to one; OTHER stays as it is."""
     from scenewright.dataset.batch.finish import join_dataset
 
     rows = join_dataset(Path(folder), Path(other))
-    log_line(format_one_line(f"{count(rows, 'row')} of {other} joined {folder}"))
-    write_stdout(f"{folder}\n")
+    facts = {"folder": folder, "other": other, "rows": rows}
+    return Result(facts, f"{folder}\n", [f"{count(rows, 'row')} of {other} joined {folder}"])
 
 
 @dataset.command("key")
