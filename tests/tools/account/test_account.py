@@ -498,3 +498,17 @@ def test_she_is_no_bus(made: Mapping[str, Made], place: IntersectionMap) -> None
     assert list_states(account(made[YIELD], place, text))["left"] == "not_shown"
     driver = list_states(account(made[YIELD], place, text.replace("bus", "bus driver")))
     assert driver["left"] == "seen"
+
+
+@pytest.mark.parametrize(
+    ("said", "clock"),
+    [("half past five pm", "17:30"), ("ten past five pm", "17:10"), ("quarter to 5 pm", "16:45"),
+     ("twenty to six in the evening", "17:40"), ("twenty past 11 pm", "23:20")],
+)  # fmt: skip
+def test_minutes_to_or_past_an_hour_are_one_time(said: str, clock: str) -> None:
+    text = f"A car yields to a pedestrian at {said}"
+    scene = synthesize(text, seed=1, refiner="none")
+    assert scene.record.meta.time_of_day == clock
+    states = {each.words: each.state for each in scene.proof.account}
+    assert "not_shown" not in states.values()
+    assert any(each.claim and each.claim.startswith("time") for each in scene.proof.account)

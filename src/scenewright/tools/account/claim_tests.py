@@ -419,16 +419,22 @@ def _get_end(event: Event) -> float:
 
 @dataclass(frozen=True)
 class OrderTest:
-    """Whether one of the subjects passes before, or after, one of the others."""
+    """Whether one of the subjects passes before, or after, one of the others: of those named, or
+    of all where only the subjects are."""
 
     subjects: tuple[int, ...]
     others: tuple[int, ...]
     late: bool
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
-        orders = [
-            facts.find_order(*pair) for pair in list_pairs(binding, self.subjects, self.others)
+        pairs = list(list_pairs(binding, self.subjects, self.others)) or [
+            (agent, other)
+            for subject in self.subjects
+            for agent in list_agents(binding, subject)
+            for other in facts.foreground
+            if other != agent
         ]
+        orders = [facts.find_order(*pair) for pair in pairs]
         if (not self.late) in orders:
             return Result(True, "the order in which they pass")
         if self.late in orders:

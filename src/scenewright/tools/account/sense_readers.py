@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import takewhile
 
 from scenewright.scene.kinds import has_trait
@@ -45,11 +46,18 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
         found += read_event(finder, span)
     nouns = {n for m in mentions for n in m.nouns}
     for n, token in enumerate(tokens):
-        if token.kind == "clock" or token.has("time"):
+        minutes = _read_minutes(tokens, n)
+        if token.kind == "clock" or token.has("time") or minutes is not None:
             denied = any(each.text in ("not", "never") for each in tokens[max(0, n - 3) : n])
-            test = tests.TimeTest(token, denied, _find_range(tokens, n), _read_shift(tokens, n))
-            found.append(Claim("time", token.text, (n,), (), test))
-        if token.number is not None and n not in nouns:
+            clock = token
+            if minutes is not None and token.kind != "clock":
+                clock = replace(token, kind="clock", text=f"{token.number:g}")
+            test = tests.TimeTest(clock, denied, _find_range(tokens, n), minutes or 0.0)
+            words = (n,) if minutes is None else (n - 2, n)
+            found.append(Claim("time", token.text, words, (), test))
+        elif _read_minutes(tokens, n + 2) is not None:
+            continue
+        elif token.number is not None and n not in nouns:
             found += _read_number(finder, n, token.number)
         for sense in token.senses:
             family, _, value = sense.partition(".")
@@ -80,13 +88,17 @@ def _find_range(tokens: Sequence[Token], n: int) -> Token | None:
     return None
 
 
-def _read_shift(tokens: Sequence[Token], n: int) -> float:
-    """Minutes from a clock time to the one that is said: "half past 11 pm", "quarter to 5 pm"."""
-    if n < 2 or tokens[n - 1].text not in ("past", "after", "to"):
-        return 0.0
-    number = 15.0 if tokens[n - 2].text == "quarter" else tokens[n - 2].number or 0.0
-    minutes = 30.0 if number == 0.5 else number
-    return -minutes if tokens[n - 1].text == "to" else minutes
+def _read_minutes(tokens: Sequence[Token], n: int) -> float | None:
+    """Minutes from an hour to the time said, "half past 11 pm", "ten to five"; None if it is none."""
+    if not 2 <= n < len(tokens) or tokens[n - 1].text not in ("past", "after", "to"):
+        return None
+    minutes = {"half": 30.0, "quarter": 15.0}.get(tokens[n - 2].text, tokens[n - 2].number)
+    hour = tokens[n]
+    is_hour = hour.kind == "clock" or (hour.number in range(1, 13) and hour.unit is None)
+    if minutes not in range(1, 60) or not is_hour or tokens[n - 2].unit is not None:
+        return None
+    counts = n + 1 < len(tokens) and tokens[n + 1].has("noun")  # "five to six cars"
+    return None if counts else -minutes if tokens[n - 1].text == "to" else minutes
 
 
 # --- mentions and numbers
