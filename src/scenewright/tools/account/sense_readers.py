@@ -89,7 +89,7 @@ def _find_range(tokens: Sequence[Token], n: int) -> Token | None:
 
 
 def _read_minutes(tokens: Sequence[Token], n: int) -> float | None:
-    """Minutes from an hour to the time said, "half past 11 pm", "ten to five"; None if it is none."""
+    """Minutes from an hour to the time said, "half past 11 pm", "ten to five"; None if no such."""
     if not 2 <= n < len(tokens) or tokens[n - 1].text not in ("past", "after", "to"):
         return None
     minutes = {"half": 30.0, "quarter": 15.0}.get(tokens[n - 2].text, tokens[n - 2].number)
