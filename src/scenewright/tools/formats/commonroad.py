@@ -32,7 +32,7 @@ from scenewright.tools.formats.xml import add, format_value, parse_number, parse
 LANELETS, LIGHTS, JUNCTION, PROBLEM = 10_001, 20_001, 30_001, 40_001
 """First number of each kind; obstacles have the agents' ids."""
 GOAL_TOLERANCE = 5.0
-"""Length of the goal region [m]; its width is that of two lanes."""
+"""Length and width of the goal region [m]."""
 _KINDS = {"approach": "urban", "exit": "urban", "connector": "intersection", "parking": "parking"}
 _TURNS = {"right": "successorsRight", "straight": "successorsStraight", "left": "successorsLeft"}
 _ADJACENT: dict[Side, str] = {"left": "adjacentLeft", "right": "adjacentRight"}

@@ -46,7 +46,7 @@ def check_interference(
     """Everything that happens and was not asked for.
 
     Args:
-        expected: positions in `seen.events` of the events that realise a relation.
+        expected: positions in `observed.events` of the events that realise a relation.
     """
     found = [
         Finding(

@@ -477,7 +477,10 @@ def measure_dooring(track: Trajectory, thing: ObjectRecord, until: float) -> Mea
         return "the door stands open from the beginning"
     opened = hit["time"] - thing.since
     if not OPENS[0] <= opened <= OPENS[1]:
-        return f"the door opens {opened:.1f} s before; {OPENS[0]:g} to {OPENS[1]:g} s are too late"
+        return (
+            f"the door opens {opened:.1f} s before; a door that opens too late does so "
+            f"{OPENS[0]:g} to {OPENS[1]:g} s before"
+        )
     return {**hit, "opened": round(opened, 3)}
 
 

@@ -41,9 +41,11 @@ from scenewright.tools.solver.scheduled_agent import PartialSchedule, ScheduledA
 from scenewright.tools.solver.yielding import find_conflict_zone, hold_at
 from scenewright.work_limit import count_work
 
-_STEPS, _SOLVED = 4, 4
-"""Offsets that are tried with one draw of responses; and pairs of responses for which others are
-solved for."""
+_OFFSETS_A_DRAW = 4
+"""Offsets that are tried with one draw of responses."""
+
+_PAIRS_SOLVED = 4
+"""Pairs of responses for which another offset is solved for."""
 
 _UNLAWFUL = 3
 """Conflicts that the lights never allow after which other paths and speeds are tried."""
@@ -54,11 +56,11 @@ _WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
 _LEAST_SPEED = {"vehicle": 0.5, "cyclist": 0.5, "scooter": 0.5, "pedestrian": 0.1}
 """Speed that it brakes down to at most [m/s]."""
 
-_SEEN = {"vehicle": 0.7, "cyclist": 0.6, "scooter": 0.6, "pedestrian": 0.3}
-"""By how much a reaction must change the speed at least [m/s],"""
+_LEAST_CHANGE = {"vehicle": 0.7, "cyclist": 0.6, "scooter": 0.6, "pedestrian": 0.3}
+"""By how much a reaction must change the speed at least to be seen [m/s]."""
 
 _HARDER = 0.95
-"""and by how much who brakes anyway must brake harder [m/s^2], to be seen to react."""
+"""How much harder who brakes anyway must brake to be seen to react [m/s^2]."""
 
 _TOO_LATE = 0.4
 """A reaction that would begin later than this before the contact [s] does not count."""
@@ -66,18 +68,28 @@ _TOO_LATE = 0.4
 _SHIFT = 2.5
 """How much later than without reactions a contact may come [s]."""
 
-_YIELDS, _HARSH, _NARROW = 0.58, 5.3, 0.44
-"""Who keeps less than that share of its speed would have given way, but for braking harder than
-this [m/s^2], or a PET shorter than this [s] (SEMANTICS 4)."""
+_YIELDS = 0.58
+"""Who keeps less than that share of its speed gives way (SEMANTICS 4), unless it brakes harsher
+than `_HARSH` or the PET is shorter than `_NARROW`."""
 
-_COMES, _STANDS, _SETS_OFF = 2.0, 0.9, (0.3, 1.0)
-"""Of who brakes short of the other's path: how far it comes at least [m]; its least standstill, and
-how long after the other has passed it sets off [s]."""
+_HARSH, _NARROW = 5.3, 0.44
+"""Braking [m/s^2], and PET [s], of a near miss and no yield."""
+
+_COMES = 2.0
+"""How far who brakes short of the other's path comes at least [m]."""
+
+_STANDS = 0.9
+"""Its least standstill [s]."""
+
+_SETS_OFF = (0.3, 1.0)
+"""How long after the other has passed it sets off [s]."""
 
 _INTO, _DEEP = (0.05, 0.5), (0.7, 2.2)
-"""How far in the other's way a pedestrian turns round that is missed, and one that is hit [m]."""
+"""How far in the other's way a pedestrian turns round: one that is missed, one that is hit [m]."""
+
 _CLEAR = 0.2
 """How far out of its way it is afterwards at least, if it is missed [m]."""
+
 _RESTS = (0.4, 0.9)
 """How long it stands after that [s]."""
 
@@ -98,7 +110,7 @@ class Response:
             reacts.
     """
 
-    how: Reaction
+    reaction: Reaction
     keeps: float
     kept: float | None = None
     short: float | None = None
@@ -106,8 +118,8 @@ class Response:
     @property
     def gives_way(self) -> bool:
         """Whether it counts as giving way if it passes second with time to spare."""
-        slows = not (self.how.hurries or has_trait("reaction", self.how.kind, "back"))
-        return slows and self.keeps < _YIELDS and self.how.strength < _HARSH
+        slows = not (self.reaction.hurries or has_trait("reaction", self.reaction.kind, "back"))
+        return slows and self.keeps < _YIELDS and self.reaction.strength < _HARSH
 
 
 @dataclass(frozen=True)
@@ -193,7 +205,7 @@ class ConflictSampler:
         """Find an offset at which the two respond as drawn and `judge` takes what comes of it."""
         delta, tried = draw.delta, set(self._taken)
         self._seed = int(self.context.rng.integers(1 << 32))  # responses stay alike at all offsets
-        for n in range(_STEPS):
+        for n in range(_OFFSETS_A_DRAW):
             a, b = self.schedule.place(self.clause, *self.pair, delta)
             delta = round(b.enters - a.enters, 1)
             if delta in tried or (n == 0 and delta in self._faulty):
@@ -244,7 +256,7 @@ class ConflictSampler:
 
         def judge(ways: tuple[_Changed, _Changed]) -> PartialSchedule | None:
             (a, how_a), (b, how_b) = ways
-            afters = [each.how.after for each in (how_a, how_b) if each is not None]
+            afters = [each.reaction.after for each in (how_a, how_b) if each is not None]
             onset = np.inf if threat is None or not afters else threat[0] + max(afters)
             latest = min(until + _SHIFT, onset + draw.within)
             return self.judge(Conflict((a, b), contact, threat, latest))
@@ -254,7 +266,7 @@ class ConflictSampler:
             if found is not None:
                 return found, None
         delta = pair[1].enters - pair[0].enters
-        for ways in both[:_SOLVED]:
+        for ways in both[:_PAIRS_SOLVED]:
             (a, how_a), (b, how_b) = ways
             after = self.context.find_evaded_meetings(self.clause, a, b)
             targets = self._list_targets(after, (how_a, how_b))
@@ -283,7 +295,7 @@ class ConflictSampler:
             ranges = [(max(a, c), min(b, d)) for (a, b), (c, d) in both]
             return [(low, high) for low, high in ranges if high - low > STEP]
         least, most = self.pets
-        backs = any(how and has_trait("reaction", how.how.kind, "back") for how in ways)
+        backs = any(how and has_trait("reaction", how.reaction.kind, "back") for how in ways)
         # Who steps back lets the other pass between where it was and where it will be.
         met = after if backs else np.array([after[:, 0].min(), after[:, 1].max()])
         free = np.concatenate(([-np.inf], met.ravel(), [np.inf])).reshape(-1, 2)
@@ -321,7 +333,7 @@ class ConflictSampler:
         begin = 0.0 if threat is None else threat[0]
         found, late = list[_Changed](), 0
         for each in ways:
-            if self.pets is None and begin + each.how.after > until - _TOO_LATE:
+            if self.pets is None and begin + each.reaction.after > until - _TOO_LATE:
                 late += 1
                 continue
             changed = self._change(k, each, pair, begin, until)
@@ -337,26 +349,26 @@ class ConflictSampler:
         Args:
             begin: when the conflict is perceptible; until: when the two would touch [s].
         """
-        of, how, kind = pair[k], response.how, pair[k].candidate.shape.type
+        of, reaction, kind = pair[k], response.reaction, pair[k].candidate.shape.type
         paths = self.context.find_path_conflict(self.clause)
         nodes = (paths.s_a[paths.i], paths.s_b[paths.j])[k]
-        onset, rng = begin + how.after, np.random.default_rng([self._seed, k])
+        onset, rng = begin + reaction.after, np.random.default_rng([self._seed, k])
         if response.short is not None:
             return self._brake_short(pair, response, response.short, rng)
-        if has_trait("reaction", how.kind, "back"):
-            return self._step_back(of, how, float(nodes.min()), begin, until, rng)
+        if has_trait("reaction", reaction.kind, "back"):
+            return self._step_back(of, reaction, float(nodes.min()), begin, until, rng)
         usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
         least = _WEAKEST[kind] + usual
-        if how.hurries:
+        if reaction.hurries:
             beyond = float(nodes.max()) + 1.0 if response.kept is None else of.candidate.path.length
-            return run_on(of, onset=onset, acceleration=max(how.strength, least), until=beyond)
+            return run_on(of, onset=onset, acceleration=max(reaction.strength, least), until=beyond)
         speed = max(_LEAST_SPEED[kind], response.keeps * before)
         if response.kept is not None:
             speed = max(_LEAST_SPEED[kind], min(speed, before - SLOWS_FOR * least))
-        braking = max(min(how.strength + usual, (before - speed) / SLOWS_FOR), least)
+        braking = max(min(reaction.strength + usual, (before - speed) / SLOWS_FOR), least)
         kept = response.kept or max(float(nodes.min()) - find_place(of, onset), 1.0)
         changed = slow_down(of, onset=onset, braking=braking, speed=speed, kept=kept)
-        if changed is not None and how.swerves:
+        if changed is not None and reaction.swerves:
             aside = float(rng.uniform(*ASIDE))
             return swerve_away(changed, of, pair[1 - k], onset=onset, meets=until, by=aside)
         return changed
@@ -366,7 +378,7 @@ class ConflictSampler:
     ) -> ScheduledAgent | None:
         """Brake the first so far short of the other's path [m], to a stop until that has passed or
         to a lower speed; None where its way begins too late."""
-        (a, b), braking = pair, response.how.strength
+        (a, b), braking = pair, response.reaction.strength
         zone = find_conflict_zone(self.clause, a, b, self.context)
         first = float(zone.s_a[zone.i].min())
         passed = b.enters + b.motion.find_time_at(float(zone.s_b[zone.j].max()))
@@ -411,7 +423,7 @@ def _is_seen(before: ScheduledAgent, after: ScheduledAgent, begin: float, until:
     times = clock[clock <= until - before.enters]
     n = len(times)
     most = float(np.abs(after.motion.speed[:n] - before.motion.speed[:n]).max(initial=0.0))
-    seen = most >= _SEEN[before.candidate.shape.type]
+    seen = most >= _LEAST_CHANGE[before.candidate.shape.type]
     if before.candidate.shape.type == "pedestrian" or not seen:
         return seen
     since = after.motion.acceleration[:n][times > begin - before.enters]

@@ -25,25 +25,42 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _Rng = np.random.Generator
 
-_PAUSES, _LASTS, _TURNS = ((0.35, 0.65), (3.0, 6.0)), (1.5, 3.0), ((0.35, 0.6), (4.5, 8.0))
-"""Where a pedestrian pauses on the road, and turns round: as a share of its crosswalk, and how far
-from the kerb without one [m]; and how long it pauses [s]."""
+_PAUSES, _TURNS = ((0.35, 0.65), (3.0, 6.0)), ((0.35, 0.6), (4.5, 8.0))
+"""Where a pedestrian pauses on the road, and where it turns round: as a share of its crosswalk;
+without one as a distance from the kerb [m]."""
 
-_CAME_BACK, _RADIUS = 1.2, 0.45
-"""How far it has come back at least when it is hit, and the radius of its turn [m]."""
+_LASTS = (1.5, 3.0)
+"""How long it pauses [s]."""
 
-_BACK, _WIDE = 14.0, (2.0, 12.0)
-"""Least way on which a wrong-way driver comes back to its own side beyond the leg, and how far
-beside its own lane the other one may be [m]."""
+_CAME_BACK = 1.2
+"""How far it has come back at least when it is hit [m]."""
 
-_BRAKING, _REACTION = (4.2, 5.8), (0.7, 1.1)
-"""Braking for a yellow light [m/s^2], and from yellow to braking [s]."""
+_RADIUS = 0.45
+"""Radius of its turn [m]."""
 
-_WHEN, _LEAVES = (8.0, 18.0), (7.0, 14.0)
-"""When a vehicle comes to a stand, and when a wrong-way driver leaves the wrong lane [s]."""
+_BACK = 14.0
+"""Least way on which a wrong-way driver comes back to its own side beyond the leg [m]."""
 
-_INSIDE, _STANDS = 5.0, (7.0, 11.0)
-"""How near the middle of the junction the blocking vehicle stands [m], and for how long [s]."""
+_WIDE = (2.0, 12.0)
+"""How far beside its own lane the lane of the others may be [m]."""
+
+_LEAVES = (7.0, 14.0)
+"""When a wrong-way driver leaves the wrong lane [s]."""
+
+_BRAKING = (4.2, 5.8)
+"""Braking for a yellow light [m/s^2]."""
+
+_REACTION = (0.7, 1.1)
+"""From yellow to braking [s]."""
+
+_WHEN = (8.0, 18.0)
+"""When the blocking vehicle comes to a stand [s],"""
+
+_STANDS = (7.0, 11.0)
+"""for how long [s],"""
+
+_INSIDE = 5.0
+"""and how near the middle of the junction at most [m]."""
 
 _CHANGES = 3.5
 """Time after passing its line by which the light of the blocking vehicle is red [s]."""
@@ -183,7 +200,7 @@ def stop_at_yellow(candidate: Candidate, landmarks: Landmarks, rng: _Rng) -> Sch
     if not np.isfinite(stop.start) or s < 0.0:
         return None
     held = actor.edit(stops=(stop,))
-    if find_braking(held) < 1.0:
+    if find_brake_onset(held) < 1.0:
         return None
     return held.shift(round(float(rng.uniform(*_WHEN)) - stop.start, 1))
 
@@ -204,7 +221,7 @@ def block_junction(candidate: Candidate, landmarks: Landmarks, rng: _Rng) -> Sch
     return actor.edit(stops=(stop,)).shift(round(float(rng.uniform(*_WHEN)) - stop.start, 1))
 
 
-def find_braking(actor: ScheduledAgent) -> float:
+def find_brake_onset(actor: ScheduledAgent) -> float:
     """Find the time since it entered [s] at which it begins to brake for its stop."""
     speed = actor.motion.speed
     place = int(np.searchsorted(actor.motion.s, actor.stops[-1].s - 0.1))
@@ -216,7 +233,7 @@ def find_braking(actor: ScheduledAgent) -> float:
 def list_yellow_demands(actor: ScheduledAgent, reaction: float) -> tuple[SignalDemand, ...]:
     """List demands: green until just before it brakes, yellow as it does."""
     group = str(actor.landmarks.group)
-    turns = actor.enters + find_braking(actor) - reaction
+    turns = actor.enters + find_brake_onset(actor) - reaction
     return (
         SignalDemand(group, turns - 1.5, turns - 0.3, ("green",)),
         SignalDemand(group, turns + 0.2, turns + reaction, ("yellow",)),

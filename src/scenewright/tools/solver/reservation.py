@@ -132,7 +132,18 @@ _BLOCK = 8
 """Nodes of a new agent for which the nodes of others near them are looked for together."""
 
 _KEEPING = 10
-_LONG, _WIDE, _REACH, _SPACING, _WALKS, _CLEARANCE, _INNER, _OUTER, _AHEAD, _CROWD = range(_KEEPING)
+(
+    _LONG,
+    _WIDE,
+    _REACH,
+    _SPACING,
+    _WALKS,
+    _CLEARANCE,
+    _GAP_IN_BACKGROUND,
+    _GAP_TO_FOREGROUND,
+    _WALKER_LEAD,
+    _IS_BACKGROUND,
+) = range(_KEEPING)
 
 
 class ReservationTable:
@@ -146,12 +157,14 @@ class ReservationTable:
             self.add(actor, foreground=foreground)
 
     def add(self, actor: ScheduledAgent, *, foreground: bool) -> None:
-        """Add an agent, at its own scene times."""
-        inner = FOREGROUND if foreground else BACKGROUND
-        self._reserve(actor, actor.motion, inner, FOREGROUND)
+        """Add an agent, at its own scene times, with up to three entries.
+
+        One is where it moves. Who gives way or brakes for another would, if it did not, be
+        elsewhere: that is kept clear, too. Nobody walks just ahead of a vehicle that does so.
+        """
+        to_background = FOREGROUND if foreground else BACKGROUND
+        self._reserve(actor, actor.motion, to_background, FOREGROUND)
         waits = any(stop.reason == "gives_way" for stop in actor.stops)
-        # An agent that brakes for one would, without braking, come near others too, like one that
-        # waits.
         if not waits and not (actor.slowings and actor.contact is None):
             return
         self._reserve(actor, actor.free, AFTER_YIELD, AFTER_YIELD)
@@ -163,8 +176,8 @@ class ReservationTable:
         self,
         actor: ScheduledAgent,
         motion: Motion,
-        inner: SafetyMargin,
-        outer: SafetyMargin,
+        to_background: SafetyMargin,
+        to_foreground: SafetyMargin,
         ahead: float = 0.0,
     ) -> None:
         corridor, begin = get_corridor(actor.candidate), int(self._ends[self._count])
@@ -176,8 +189,8 @@ class ReservationTable:
             self._ends = np.concatenate((self._ends, np.zeros_like(self._ends)))
         self._nodes[begin : begin + len(nodes)] = nodes
         self._keeping[self._count] = (
-            *corridor.half, corridor.reach, corridor.s[1], corridor.walks, inner.clearance,
-            inner.gap, outer.gap, ahead, inner is BACKGROUND,
+            *corridor.half, corridor.reach, corridor.s[1], corridor.walks, to_background.clearance,
+            to_background.gap, to_foreground.gap, ahead, to_background is BACKGROUND,
         )  # fmt: skip
         self._count += 1
         self._ends[self._count] = begin + len(nodes)
@@ -261,7 +274,7 @@ def _is_in_lane(
     pose: FloatArray, i: int, nodes: FloatArray, j: int, keeping: FloatArray, foreground: bool
 ) -> bool:
     """Return whether two vehicles of the background drive in one lane where they touch."""
-    if foreground or keeping[_CROWD] == 0.0 or keeping[_WALKS] > 0.0:
+    if foreground or keeping[_IS_BACKGROUND] == 0.0 or keeping[_WALKS] > 0.0:
         return False
     return bool(pose[2, i] * nodes[j, 2] + pose[3, i] * nodes[j, 3] > _ALONG)
 
@@ -287,13 +300,15 @@ def list_bars(corridor: Corridor, table: Reservations) -> Bars:
             if not np.isfinite(begin):
                 continue
             if touch:
-                crowd = own[_CROWD] > 0.0
-                before, after = own[_INNER], own[_INNER] + 0.1
+                crowd = own[_IS_BACKGROUND] > 0.0
+                before, after = own[_GAP_IN_BACKGROUND], own[_GAP_IN_BACKGROUND] + 0.1
                 if along:
                     before, after = (IN_LANE, IN_LANE) if crowd else (before, after)
                 begin, end = begin - before, end + after
             rows[count], low[count], high[count], who[count] = row, begin, end, other
-            kind[count] = AHEAD if along else (CROSSING if own[_CROWD] > 0.0 else UNTOUCHABLE)
+            kind[count] = (
+                AHEAD if along else (CROSSING if own[_IS_BACKGROUND] > 0.0 else UNTOUCHABLE)
+            )
             count += 1
     return rows[:count], low[:count], high[:count], who[:count], kind[:count]
 
@@ -301,8 +316,8 @@ def list_bars(corridor: Corridor, table: Reservations) -> Bars:
 @compiled
 def _compute_time_gaps(keeping: FloatArray, walks: bool, foreground: bool) -> tuple[float, float]:
     """Compute the time gaps before and after a scheduled agent that a new one must keep [s]."""
-    after = keeping[_OUTER] if foreground else keeping[_INNER]
-    return max(after, keeping[_AHEAD]) if walks else after, after
+    after = keeping[_GAP_TO_FOREGROUND] if foreground else keeping[_GAP_IN_BACKGROUND]
+    return max(after, keeping[_WALKER_LEAD]) if walks else after, after
 
 
 @compiled

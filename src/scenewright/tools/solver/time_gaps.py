@@ -164,23 +164,27 @@ def _list_draws(
     back: bool,
 ) -> Iterator[Draw]:
     """List offsets at which the two would touch, and how they respond: one, an asked one rather,
-    so that they part, the other for a moment."""
+    evades so that they part, the other responds for a moment; in the last `_ALONE` draws it does
+    not."""
     rng, names = context.rng, get_pair(clause)
     asked = [k for k in able if names[k] in context.reactions.ways]
     tries = _BACK if back else _TRIES
     for n in range(tries):
         ways: list[tuple[Response, ...]] = [(), ()]
-        by = int(rng.choice(asked or able))
-        how = context.reactions.draw(names[by], pair[by], rng)
+        evader = int(rng.choice(asked or able))
+        other = 1 - evader
+        evasion = context.reactions.draw(names[evader], pair[evader], rng)
         keeps = rng.uniform(*(_KEEPS if rng.random() < 0.5 else _KEEPS_LITTLE))
-        ways[by] = (Response(how, float(keeps)),)
-        answer = context.reactions.draw(names[1 - by], pair[1 - by], rng)
-        walks = pair[1 - by].candidate.shape.type == "pedestrian"
-        first = _KEEPS_ON_FOOT if walks else _KEEPS_FIRST
-        lets = how.hurries and not answer.hurries
-        keeps = float(rng.uniform(*(_KEEPS if lets else first)))
-        if n < tries - _ALONE and 1 - by in able:
-            ways[1 - by] = (Response(answer, keeps, None if lets or answer.hurries else 1.0),)
+        ways[evader] = (Response(evasion, float(keeps)),)
+        answer = context.reactions.draw(names[other], pair[other], rng)
+        # Who lets a hurrying one pass slows as who passes second does, up to the other's path.
+        lets_pass = evasion.hurries and not answer.hurries
+        walks = pair[other].candidate.shape.type == "pedestrian"
+        shares = _KEEPS if lets_pass else _KEEPS_ON_FOOT if walks else _KEEPS_FIRST
+        kept = None if lets_pass or answer.hurries else 1.0
+        keeps = rng.uniform(*shares)
+        if n < tries - _ALONE and other in able:
+            ways[other] = (Response(answer, float(keeps), kept),)
         low, high = meetings[int(rng.integers(len(meetings)))].tolist()
         yield Draw(float(rng.uniform(low, high)), (ways[0], ways[1]))
 
