@@ -53,8 +53,9 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
             if minutes is not None and token.kind != "clock":
                 clock = replace(token, kind="clock", text=f"{token.number:g}")
             test = tests.TimeTest(clock, denied, _find_range(tokens, n), minutes or 0.0)
-            words = (n,) if minutes is None else (n - 2, n)
-            found.append(Claim("time", token.text, words, (), test))
+            found.append(Claim("time", token.text, (n,), (), test))
+            if minutes is not None:
+                found.append(Claim("time", token.text, (n - 2,), (), test))
         elif _read_minutes(tokens, n + 2) is not None:
             continue
         elif token.number is not None and n not in nouns:
@@ -92,7 +93,7 @@ def _read_minutes(tokens: Sequence[Token], n: int) -> float | None:
     """Minutes from an hour to the time said, "half past 11 pm", "ten to five"; None if no such."""
     if not 2 <= n < len(tokens) or tokens[n - 1].text not in ("past", "after", "to"):
         return None
-    minutes = {"half": 30.0, "quarter": 15.0}.get(tokens[n - 2].text, tokens[n - 2].number)
+    minutes = {"half": 30.0, "quarter": 15.0}.get(tokens[n - 2].text, tokens[n - 2].number or 0.0)
     hour = tokens[n]
     is_hour = hour.kind == "clock" or (hour.number in range(1, 13) and hour.unit is None)
     if minutes not in range(1, 60) or not is_hour or tokens[n - 2].unit is not None:
