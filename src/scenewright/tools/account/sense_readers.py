@@ -46,19 +46,10 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
         found += read_event(finder, span)
     nouns = {n for m in mentions for n in m.nouns}
     for n, token in enumerate(tokens):
-        minutes = _read_minutes(tokens, n)
-        if token.kind == "clock" or token.has("time") or minutes is not None:
-            denied = any(each.text in ("not", "never") for each in tokens[max(0, n - 3) : n])
-            clock = token
-            if minutes is not None and token.kind != "clock":
-                clock = replace(token, kind="clock", text=f"{token.number:g}")
-            test = tests.TimeTest(clock, denied, _find_range(tokens, n), minutes or 0.0)
-            found.append(Claim("time", token.text, (n,), (), test))
-            if minutes is not None:
-                found.append(Claim("time", token.text, (n - 2,), (), test))
-        elif _read_minutes(tokens, n + 2) is not None:
+        found += _read_time(tokens, n)
+        if _read_minutes(tokens, n + 2) is not None:
             continue
-        elif token.number is not None and n not in nouns:
+        if token.number is not None and n not in nouns and _read_minutes(tokens, n) is None:
             found += _read_number(finder, n, token.number)
         for sense in token.senses:
             family, _, value = sense.partition(".")
@@ -77,6 +68,19 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
         words = tuple(range(start, stop))
         found.append(Claim("phrase", kind, words, (*subjects, *objects), event))
     return found
+
+
+def _read_time(tokens: Sequence[Token], n: int) -> Iterator[Claim]:
+    """A clock time or a word of the time of day, with the minutes before it."""
+    token, minutes = tokens[n], _read_minutes(tokens, n)
+    if minutes is None and token.kind != "clock" and not token.has("time"):
+        return
+    if minutes is not None and token.kind != "clock":
+        token = replace(token, kind="clock", text=f"{token.number:g}")
+    denied = any(each.text in ("not", "never") for each in tokens[max(0, n - 3) : n])
+    test = tests.TimeTest(token, denied, _find_range(tokens, n), minutes or 0.0)
+    for k in (n,) if minutes is None else (n, n - 2):
+        yield Claim("time", tokens[n].text, (k,), (), test)
 
 
 def _find_range(tokens: Sequence[Token], n: int) -> Token | None:
