@@ -8,14 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.trajnet.categories import (
-    INTERACTING,
-    LINEAR,
-    STANDING,
-    STATIC,
-    STRAIGHT,
-    filter_path,
-)
 from scenewright.evals.trajnet.recording import (
     OBSERVED,
     PREDICTED,
@@ -23,6 +15,14 @@ from scenewright.evals.trajnet.recording import (
     BenchmarkRecording,
     compute_times_around_now,
     interpolate_at_times,
+)
+from scenewright.evals.trajnet.score import (
+    INTERACTING,
+    LINEAR,
+    STANDING,
+    STATIC,
+    STRAIGHT,
+    filter_path,
 )
 from scenewright.scene.base import FloatArray
 from scenewright.tools.trajnet_refiner.windows import Window

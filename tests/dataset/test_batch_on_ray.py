@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(
 
 SCRIPT = """
 import os, pathlib, signal, sys
-from scenewright.dataset.batch.cluster import spread_on_ray
+from scenewright.dataset.batch.carry_out import spread_on_ray
 
 FLAG = pathlib.Path(sys.argv[1]) / "killed"
 

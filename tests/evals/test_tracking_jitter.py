@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from scenewright.evals.realism.sources import Stretch, TrackSource
-from scenewright.evals.realism.tracking_jitter import (
+from scenewright.evals.realism.assessment import (
     TrackingJitter,
     add_jitter,
     measure_tracking_jitter,
 )
+from scenewright.evals.realism.sources import Stretch, TrackSource
 from scenewright.scene.track import PEDESTRIAN, Track, get_vehicle_shape
 from scenewright.tools.relation_checker import RoadUser
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenewright.evals.trajnet.categories import (
+from scenewright.evals.trajnet.score import (
     AVOIDANCE,
     GROUP,
     INTERACTING,

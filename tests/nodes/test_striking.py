@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scenewright.backends.builtin.planner import plan
-from scenewright.nodes.scene_planner.striking import name_strikers
+from scenewright.nodes.scene_planner import name_strikers
 from scenewright.scene.social import SocialGraph
 
 

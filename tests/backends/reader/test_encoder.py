@@ -18,7 +18,7 @@ from scenewright.backends.builtin.reader.encoder import (
     quantize,
 )
 from scenewright.backends.builtin.reader.reading import read_text
-from scenewright.backends.builtin.training.export import export_weights, load_exported
+from scenewright.backends.builtin.training.fit import export_weights, load_exported
 from scenewright.backends.builtin.training.model import ReaderNetwork
 from scenewright.errors import InputError
 

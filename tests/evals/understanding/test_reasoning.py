@@ -22,6 +22,7 @@ from scenewright.evals.understanding.pair_features import (
     NAMES,
     NONE,
     OF_ZONE,
+    compute_time_gaps,
     compute_zone_features,
     mirror_features,
 )
@@ -35,7 +36,6 @@ from scenewright.evals.understanding.pipeline import (
     to_relations,
 )
 from scenewright.evals.understanding.route_components import list_sides, load_components
-from scenewright.evals.understanding.time_gaps import compute_time_gaps
 from scenewright.intersections import load_map
 from scenewright.scene.record import SignalRecord
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenewright.cli.intersections import list_rows
+from scenewright.cli.import_commands import list_rows
 from scenewright.errors import InputError
 from scenewright.tools.map_import import import_map, list_junctions
 from scenewright.tools.map_import.assemble import assemble_map

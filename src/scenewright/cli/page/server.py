@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import re
 import secrets
+import tomllib
 from collections.abc import AsyncIterator, Callable
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -20,9 +23,9 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from scenewright.backends import Backend
+from scenewright.backends import Backend, load_backend
 from scenewright.cli.options import SessionOptions
-from scenewright.cli.page.asked import NewThread, PlanSource, Turn
+from scenewright.cli.page.asked import BackendChoice, NewThread, PlanSource, Turn
 from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import (
     Conversation,
@@ -30,17 +33,103 @@ from scenewright.cli.page.conversations import (
     check_plan_object,
     describe_plan_file,
 )
-from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.routes import build_routes, describe_fault, refuse
-from scenewright.cli.page.suggestions import list_places, list_words
 from scenewright.cli.saved import SAVED, write_saved
 from scenewright.cli.views import render
 from scenewright.errors import BackendFault, BusyError, InputError, Unsatisfiable
 from scenewright.extras import describe_missing
-from scenewright.intersections import load_map
+from scenewright.intersections import list_intersections, load_map
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.phrasing import speak_plainly
 from scenewright.scene.plan_file import PlanFile, build_plan_schema
+
+KEYS = {"anthropic": "ANTHROPIC_API_KEY", "openai": "OPENAI_API_KEY"}
+_NAMES = re.compile(r"builtin|(?:anthropic|openai):[\w./:@-]{1,100}")
+
+
+class ModelChoice:
+    """The backend of all conversations, until another is chosen."""
+
+    def __init__(self, conversations: Conversations, name: str) -> None:
+        self._conversations = conversations
+        self.name = name
+
+    def list_answers(self) -> dict[str, Callable[..., Any]]:
+        """The addresses of the settings."""
+        return {"GET /api/settings": self.describe, "POST /api/settings/backend": self.choose}
+
+    def describe(self) -> dict[str, Any]:
+        """The backend, and whether the environment holds the key of each maker."""
+        keys = {key: bool(os.environ.get(key)) for key in KEYS.values()}
+        return {"backend": self.name, "keys": keys}
+
+    def choose(self, asked: BackendChoice) -> dict[str, Any]:
+        """Another backend from now on.
+
+        Raises:
+            InputError: there is none such, or its key or package is missing.
+        """
+        if not _NAMES.fullmatch(asked.backend):
+            raise InputError("a backend is builtin, anthropic:MODEL or openai:MODEL")
+        self._conversations.speak_with(load_backend(asked.backend, base_url=asked.base_url or None))
+        self.name = asked.backend
+        return self.describe()
+
+
+EVENTS = (
+    "hits", "is hit by", "rear-ends", "is rear-ended by", "sideswipes", "T-bones",
+    "collides head-on with", "narrowly misses", "yields to", "follows", "cuts off",
+    "runs the red light", "turning left", "turning right", "going straight", "crosses",
+    "jaywalks", "brakes hard", "hidden behind a parked truck", "in light traffic",
+    "in heavy traffic", "at night", "at noon", "at rush hour",
+)  # fmt: skip
+
+
+def list_places() -> list[dict[str, Any]]:
+    """The intersections: name, title, examples that can happen there, and words for places."""
+    places = [load_map(each) for each in list_intersections()]
+    return [
+        {"name": each.name, "title": each.title, "examples": write_examples(each),
+         "words": _name_places(each)}
+        for each in places
+    ]  # fmt: skip
+
+
+@cache
+def list_words() -> list[str]:
+    """Road users and events, shorter ones first."""
+    source = files("scenewright.tools.account").joinpath("words.toml").read_text("utf-8")
+    nouns = {
+        word.lstrip("=") for group in tomllib.loads(source)["nouns"].values() for word in group
+    }
+    return sorted({*nouns, *EVENTS}, key=lambda each: (len(each), each))
+
+
+def write_examples(place: IntersectionMap) -> list[str]:
+    """Sentences whose ways there are on this map."""
+    walked = {each.leg for each in place.crosswalks}
+    ways = {
+        each.turn: each
+        for each in reversed(place.movements)
+        if each.turn == "straight" or each.exit in walked
+    }
+    wanted = {
+        "left": "A car from the {0} turning left narrowly misses a pedestrian on the {1} crosswalk "
+        "at 8 am",
+        "straight": "A van is rear-ended by a car on the approach from the {0}",
+        "right": "A truck from the {0} turning right yields to a pedestrian on the {1} crosswalk",
+    }
+    found = [text.format(ways[t].entry, ways[t].exit) for t, text in wanted.items() if t in ways]
+    return [*found, "A taxi hits a cyclist at night", "A normal morning in dense traffic"]
+
+
+def _name_places(place: IntersectionMap) -> list[str]:
+    legs = [f"from the {each.name}" for each in place.legs]
+    walks = [f"on the {each.leg} crosswalk" for each in place.crosswalks]
+    streets = [f"on {each.road}" for each in place.legs if each.road]
+    return list(dict.fromkeys([*legs, *walks, *streets]))
+
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "

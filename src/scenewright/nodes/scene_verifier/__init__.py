@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from typing import NotRequired, TypedDict
+from typing import Any, NotRequired, TypedDict
 
+from scenewright.backends import get_backend_of_task
 from scenewright.errors import Rejected
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext, Runtime
-from scenewright.nodes.remaining import close_account
+from scenewright.nodes.remaining import close_account, quote_words, refuse_words
 from scenewright.nodes.scene_verifier.assemble import assemble
-from scenewright.nodes.scene_verifier.braking import find_wrong_braker
-from scenewright.nodes.scene_verifier.words import find_unshown_words
+from scenewright.scene.account import AccountEntry
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.digest import digest_scene
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
+from scenewright.scene.kinds import has_trait
+from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.refinement import Refinement
 from scenewright.scene.rejection import Rejection, RejectionCode
@@ -24,6 +26,102 @@ from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.account import prove
 from scenewright.tools.relation_checker import check
+
+REDRAWN = ("sequence", "stop", "braking", "order", "cause", "crossing", "side centre")
+"""Types of claims that hold of some samples of a plan and not of others."""
+SERVED = ("constraint", "behavior", "measure")
+"""What the stages after the planner serve words as; a sample may miss it by a little."""
+
+
+def find_unshown_words(
+    proof: Proof, scene: SceneRecord, state: Any, context: RunContext
+) -> Rejection | None:
+    """The rejection for words that are not shown or contradicted; None where there is none.
+
+    A model is shown the words once and may plan again. What another sample may show is sampled
+    again; all else is refused.
+    """
+    others = [each for each in proof.missing if each.rule != "word_contradicted"]
+    if others or proof.interference or proof.implausible or proof.signal_violations:
+        return None
+    false = proof.list_words("contradicted")
+    unshown = () if context.lenient else proof.list_words("not_shown")
+    if not (false or unshown):
+        return None
+    detail = f"the scene shows nothing of {quote_words((*false, *unshown))}"
+    if all(_may_be_redrawn(each, scene) for each in (*false, *unshown)):
+        return Rejection(stage="scene_verifier", code="relation_not_realised", detail=detail,
+                         repairable=False)  # fmt: skip
+    asked = any(each.code == "words_not_shown" for each in state.get("rejections", ()))
+    planned = state.get("planned") is not None
+    if not (asked or planned or get_backend_of_task(context.backend, "plan").deterministic):
+        ask = f"{detail}; plan what they say, or note them in said as constraint or behavior, or "
+        ask += "answer refused: out_of_scope"
+        return Rejection(stage="scene_verifier", code="words_not_shown", detail=ask)
+    if false:
+        graph = describe_graph(state["social_graph"])
+        return Rejection(
+            stage="scene_verifier",
+            code="out_of_scope",
+            detail="The scene would show something else than "
+            f"{quote_words((*false, *unshown))}: the text was read as '{graph}' Say it in other "
+            "words, or with more of who does what to whom.",
+        )
+    return refuse_words(unshown, state["social_graph"], "scene_verifier")
+
+
+def _may_be_redrawn(word: AccountEntry, scene: SceneRecord) -> bool:
+    """Whether another sample of the same plan may show a word."""
+    served = any(
+        each.became in SERVED and each.start < word.end and word.start < each.end
+        for each in scene.said
+    )
+    if word.state == "not_shown":
+        return served
+    claim = word.claim or ""
+    if claim.startswith("movement"):  # one that turns may turn earlier
+        ways = claim.removeprefix("movement ").split("/")
+        return any(each.movement in ways for each in scene.agents if each.role == "foreground")
+    walks = any(each.type == "pedestrian" for each in scene.agents if each.role == "foreground")
+    if walks and claim in ("tie left", "tie right"):  # no plan ties where walkers come from
+        return True
+    return served or claim.startswith(REDRAWN) or claim.endswith("to a stop")
+
+
+def find_wrong_braker(graph: SocialGraph, scene: SceneRecord, proof: Proof) -> Rejection | None:
+    """`wrong_braker`, if the plan has another agent brake than the tracks, or the hints do.
+
+    Only another plan can mend that: the solver and the reasoner do as the plan says.
+    """
+    names = {agent.id: agent.name for agent in scene.agents}
+    for edge, relation in zip(graph.relations, scene.relations, strict=True):
+        if not has_trait("cause", relation.cause, "late"):
+            continue
+        pair = {relation.from_, relation.to}
+        hinted = (
+            min(pair.intersection(each.agents))
+            for each in scene.said
+            if each.became == "cause" and len(pair.intersection(each.agents)) == 1
+        )
+        meant = next(hinted, relation.cause_agent)
+        for event in proof.events:
+            seen = event.evidence.get("late_brake")
+            same = event.type == relation.type and {event.from_, event.to} == pair
+            if same and seen is not None and meant is not None and seen != meant:
+                return Rejection(
+                    stage="scene_verifier",
+                    code="wrong_braker",
+                    agents=(edge.from_, edge.to),
+                    detail=f"{edge.type} of {edge.from_} and {edge.to}: {names[seen]} brakes in "
+                    f"the scene, the plan has {names[meant]} do so; write cause {relation.cause} "
+                    f"and as braker who brakes{_HINTS.get(edge.type, '')}",
+                    repairable=False,
+                )
+    return None
+
+
+_HINTS = {"collide_at": ", in a collision the one that strikes (from), or leave out late_brake"}
+
 
 _SYMMETRIC = ("collision", "near_miss")
 

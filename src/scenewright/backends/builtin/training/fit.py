@@ -5,16 +5,23 @@ from __future__ import annotations
 import math
 import random
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import cross_entropy
 
 from scenewright.backends.builtin.reader.annotation import AnnotatedText
-from scenewright.backends.builtin.reader.encoder import load_encoder_weights
+from scenewright.backends.builtin.reader.encoder import (
+    SCALE,
+    dequantize,
+    load_encoder_weights,
+    quantize,
+)
 from scenewright.backends.builtin.reader.tokens import load_tokenizer
 from scenewright.backends.builtin.training.augmentation import (
     augment,
@@ -23,9 +30,36 @@ from scenewright.backends.builtin.training.augmentation import (
 )
 from scenewright.backends.builtin.training.batches import TokenBatch, encode_row, make_batch
 from scenewright.backends.builtin.training.corpus import read_corpus
-from scenewright.backends.builtin.training.export import export_weights, load_exported
 from scenewright.backends.builtin.training.model import ReaderNetwork, load_minilm
 from scenewright.errors import InputError
+
+_SMALLEST = 64
+"""Matrices with a side shorter than this stay in float32."""
+
+
+def export_weights(state: Mapping[str, torch.Tensor], out: Path) -> None:
+    """Write the state of a network as int8 safetensors."""
+    from safetensors.numpy import save_file
+
+    found: dict[str, NDArray[Any]] = {}
+    for name, tensor in state.items():
+        value = tensor.float().numpy()
+        if value.ndim == 2 and min(value.shape) >= _SMALLEST:
+            found[name], found[name + SCALE] = quantize(value)
+        else:
+            found[name] = np.ascontiguousarray(value)
+    save_file(found, out)
+
+
+def load_exported(network: ReaderNetwork, weights: Mapping[str, NDArray[Any]]) -> None:
+    """Start a network from exported weights."""
+    state = {
+        name: torch.from_numpy(dequantize(weights, name))
+        for name in weights
+        if not name.endswith(SCALE)
+    }
+    network.load_state_dict(state)
+
 
 BATCH, WINDOW = 32, 20
 """Rows of a step; batches that are sorted by length together."""
