@@ -109,8 +109,7 @@ def _add_stops(
         return agent, [stop for stop in known if stop is not None]
     _refuse_crowded(agent, [s for s, _ in asked])
     due = _list_due_places(agent, selection)
-    before = [(s, each.lasts) for s, each in asked if not due or s < due[0].s]
-    before = before if due else []
+    before = [(s, each.lasts) for s, each in asked if s < due[0].s] if due else []
     after = [(s, each.lasts) for s, each in asked[len(before) :]]
     _refuse_between(agent, due, after)
     holds, lost = _plan_holds_before(agent, before, due)
@@ -154,11 +153,11 @@ def _plan_holds_before(
         stands = _find_standing_time(agent, s, [*editing.holds, *holds])
         holds.append(StopCommand(s, stands + lasts))
     place = due[0].s - _AT
-    early = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
-    late = compute_motion(
+    unheld = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
+    held_up = compute_motion(
         agent.candidate, holds=(*holds, *editing.holds), slowings=editing.slowings
     )
-    lost = late.find_time_at(place) - early.find_time_at(place)
+    lost = held_up.find_time_at(place) - unheld.find_time_at(place)
     whole = STEP * ceil(lost / STEP - 1e-6)
     holds[-1] = replace(holds[-1], release=holds[-1].release + whole - lost)
     return holds, whole

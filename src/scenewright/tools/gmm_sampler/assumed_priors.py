@@ -160,12 +160,13 @@ _WOBBLE = 0.08
 def build_jaywalking_mixture(
     route: str, kerbs: Sequence[FloatArray], outwards: FloatArray
 ) -> WaypointPrior:
-    """p_wp of jaywalking from kerb to kerb [2, 2] at given places, equally likely."""
-    ends = []
-    for first, last in kerbs:
-        across = (last - first) / float(np.hypot(*(last - first)))
-        onto = _ONTO_SIDEWALK * across
-        ends.append(np.concatenate([first - onto, last + onto]))
+    """p_wp of jaywalking from kerb to kerb [2, 2] at given places of one leg, equally likely."""
+    ways = [(last - first) / float(np.hypot(*(last - first))) for first, last in kerbs]
+    ends = [
+        np.concatenate([first - _ONTO_SIDEWALK * way, last + _ONTO_SIDEWALK * way])
+        for (first, last), way in zip(kerbs, ways, strict=True)
+    ]
+    across = ways[-1]  # at one leg they are parallel, so that one covariance is that of all
     along, aside = np.outer(outwards, outwards), _SIDEWALK_SPREAD**2 * np.outer(across, across)
     shared, own = _DISTANCE_SPREAD**2 * along, (_SKEW_SPREAD**2 / 2) * along + aside
     of_ends = np.block([[shared + own, shared], [shared, shared + own]])
