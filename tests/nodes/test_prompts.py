@@ -441,9 +441,9 @@ def test_what_is_recalled_stands_in_the_prompt() -> None:
     ("request_", "names"),
     [
         ("A car nearly hits a bus while yielding", []),
-        ("busy morning rush", ["morning rush", "rush hour", "morning"]),
-        ("Late at night", ["late night", "night"]),
-        ("in the evening peak", ["evening rush", "evening"]),
+        ("busy morning rush", ["morning rush"]),
+        ("Late at night", ["late night"]),
+        ("in the evening peak", ["evening rush"]),
         ("at sunset", ["dusk"]),
         ("around midnight", ["midnight"]),
     ],

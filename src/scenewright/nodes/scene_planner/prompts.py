@@ -190,9 +190,10 @@ def describe_order(words: str) -> str:
 
 def describe_times(request: str) -> str:
     """The times of day that the request may speak of; a model need not hear of the others."""
-    words = request[:LONGEST_REQUEST].lower()
-    known = VOCABULARY["times_of_day"].items()
-    times = [
-        f"{name} {'/'.join(t['ranges'])}" for name, t in known if re.search(t["pattern"], words)
-    ]
+    words, times = request[:LONGEST_REQUEST].lower(), list[str]()
+    for name, time in VOCABULARY["times_of_day"].items():  # the more special first
+        rest = re.sub(time["pattern"], ";", words)
+        if rest != words:
+            words = rest
+            times.append(f"{name} {'/'.join(time['ranges'])}")
     return f"Times: {', '.join(times)}.\n" if times else ""
