@@ -275,6 +275,7 @@ def test_lists_shorthand_and_shared_movements(text: str, ways: list[Way]) -> Non
         ("A car yields to a man on the south crosswalk and hits a second one there", ["south"] * 2),
         ("A man jaywalks across the south leg and a bus nearly hits him", ["south"]),
         ("A bus from the west waits at its entry crosswalk for two pedestrians", ["west"] * 2),
+        ("A man crosses from the northeast corner to the southeast corner, a car stops", ["east"]),
     ],
 )
 def test_crosswalks_named_by_the_way_of_a_vehicle(text: str, crosswalks: list[str]) -> None:

@@ -444,6 +444,9 @@ _CLOSE_CLEARANCE = 1.5
 def get_side(span: ReadSpan) -> str | None:
     """The compass name in the words of a span, else the one that the encoder sees there."""
     names = [(m[1] + (m[2] or "")).lower() for m in _NAME.finditer(span.words)]
+    if len(names) == 2 and span.tag == "cw":  # from corner to corner: the side that both share
+        shared = [side for side in _INITIAL.values() if all(side in name for name in names)]
+        names = shared if len(shared) == 1 else names
     if names:
         return names[0]
     if match := _LETTER.search(span.words):

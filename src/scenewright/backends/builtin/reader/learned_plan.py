@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from scenewright.backends.builtin.draft import Draft, Refused, Site
 from scenewright.backends.builtin.graph_making import (
@@ -48,6 +49,7 @@ _SURELY = 0.95
 def merge_mentions(reading: Reading) -> Reading:
     """The reading with mentions of one road user made one: "the oncoming", "truck"."""
     reading = _drop_function_words(reading)
+    reading = replace(reading, spans=tuple(_read_axes(reading)))
     reading = replace(reading, spans=tuple(map(_correct_class, reading.spans)))
     reading = replace(reading, spans=tuple(_let_ride(span, reading) for span in reading.spans))
     for kept, dropped in list(_find_same(reading)):
@@ -74,6 +76,18 @@ def refer_back(reading: Reading, end: int) -> Reading:
         if span.start >= end and definite and noun in known and len(span.subjects) == 1:
             reading = _merge(reading, known[noun], user)
     return reading
+
+
+def _read_axes(reading: Reading) -> Iterator[ReadSpan]:
+    """The spans, with "east-west" as a way from the one side to the other."""
+    yield from reading.spans[:1]
+    for before, span in pairwise(reading.spans):
+        between = reading.text[before.end : span.start].strip()
+        axis = before.tag == span.tag == "from" and {before.value, span.value} == {None}
+        if axis and between in ("-", "/", "–") and before.subjects == span.subjects:
+            yield replace(span, tag="to", confidence=max(span.confidence, _SURELY))
+        else:
+            yield span
 
 
 def _correct_class(span: ReadSpan) -> ReadSpan:

@@ -27,11 +27,22 @@ _NEAR = 45
 
 _CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
 _RIGHT_ON_RED = compile_words("manoeuvres.right_on_red")
+_LANE_CHANGE = compile_words("manoeuvres.lane_change")
+_TURNS_GREEN = compile_words("manoeuvres.turns_green")
+_HERE = compile_words("manoeuvres.here")
+"""Words of a place that are the junction itself, or say where people are on their way to."""
 
 
 def correct_manoeuvres(reading: Reading) -> Reading:
-    """The reading with red and yellow lights and ways of crossing as their words say."""
-    spans = list(map(_call_yellow, reading.spans))
+    """The reading with lights, places and ways of crossing as their words say."""
+    spans = [_call_yellow(span) for span in reading.spans]
+    for n, span in enumerate(spans):
+        if span.tag in ("place", "act") and _HERE.search(span.words):
+            spans[n] = replace(span, tag="manner")
+        elif (span.tag == "place" or span.value == "wrongway") and _LANE_CHANGE.search(span.words):
+            spans[n] = replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
+        elif span.tag == "red" and _TURNS_GREEN.search(reading.text[span.start : span.end + 15]):
+            spans[n] = replace(span, tag="light", confidence=_KNOWN)
     for pattern, motion in list_readings("motion"):  # "darts out in front of"
         if find_marked("motion", motion, of="vehicle") is None:
             for match in pattern.finditer(reading.text):
