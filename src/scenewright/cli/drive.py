@@ -39,7 +39,7 @@ FailOn = Literal["collision", "at-fault"]
 
 @dataclass(frozen=True)
 class DriveOptions(Asked):
-    """What is driven, by whom, and what comes of it."""
+    """A drive: the scene, the policy that drives its ego, and the reports that are written."""
 
     text_or_scene: str = argument(
         "", "What shall happen, or a scene folder.", metavar="TEXT_OR_SCENE"

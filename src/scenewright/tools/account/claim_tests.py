@@ -417,6 +417,19 @@ def _get_end(event: Event) -> float:
     return float(event.evidence.get("until", event.time))
 
 
+def _pair_with_others(
+    facts: SceneFacts, binding: Binding, subjects: tuple[int, ...]
+) -> list[tuple[int, int]]:
+    """Each agent that the subjects mean, with every other one of the foreground."""
+    return [
+        (agent, other)
+        for subject in subjects
+        for agent in list_agents(binding, subject)
+        for other in facts.foreground
+        if other != agent
+    ]
+
+
 @dataclass(frozen=True)
 class OrderTest:
     """Whether one of the subjects passes before, or after, one of the others: of those named, or
@@ -427,13 +440,8 @@ class OrderTest:
     late: bool
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
-        pairs = list(list_pairs(binding, self.subjects, self.others)) or [
-            (agent, other)
-            for subject in self.subjects
-            for agent in list_agents(binding, subject)
-            for other in facts.foreground
-            if other != agent
-        ]
+        named = list(list_pairs(binding, self.subjects, self.others))
+        pairs = named or _pair_with_others(facts, binding, self.subjects)
         orders = [facts.find_order(*pair) for pair in pairs]
         if (not self.late) in orders:
             return Result(True, "the order in which they pass")
@@ -450,13 +458,7 @@ class TieTest:
     sides: tuple[str, ...]
 
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
-        pairs = [
-            (agent, other)
-            for subject in self.subjects
-            for agent in list_agents(binding, subject)
-            for other in facts.foreground
-            if other != agent
-        ]
+        pairs = _pair_with_others(facts, binding, self.subjects)
         for agent, other in pairs:
             entry, seen_from = facts.agents[agent].entry, facts.agents[other].entry
             seen = find_relative_side(entry, seen_from=seen_from)
