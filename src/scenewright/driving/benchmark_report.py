@@ -157,7 +157,7 @@ def _write_table(
     cells = ["".join(f"<td>{escape('–' if c is None else str(c))}" for c in row) for row in lines]
     ends = [f"<td>{each}" for each in last] if last is not None else [""] * len(cells)
     rows = "".join(f"<tr>{row}{end}" for row, end in zip(cells, ends, strict=True))
-    return f"<table><tr>{''.join(f'<th>{escape(each)}' for each in titles)}{rows}</table>"
+    return f"<table><tr>{''.join(f'<th>{escape(title)}' for title in titles)}{rows}</table>"
 
 
 def _draw_rate(rate: dict[str, Any]) -> str:

@@ -44,14 +44,16 @@ def build_driven_scene(drive: Drive) -> DrivenScene:
     Raises:
         InputError: the drive was one on tracks without a scene.
     """
-    one = drive.scenario
-    if one.record is None:
+    scenario = drive.scenario
+    if scenario.record is None:
         raise InputError("a drive on recorded tracks has no scene to write")
-    meta, end = one.record.meta, round(drive.world.step * one.step, 3)
-    agents = [each for k in range(len(one.record.agents)) if (each := _drive_agent(drive, k))]
+    meta, end = scenario.record.meta, round(drive.world.step * scenario.step, 3)
+    agents = [each for k in range(len(scenario.record.agents)) if (each := _drive_agent(drive, k))]
     there = {agent.id for agent in agents}
-    kept = [each for each in one.record.relations if {each.from_, each.to} <= there]
-    record = one.record.model_copy(update={
+    kept = [
+        relation for relation in scenario.record.relations if {relation.from_, relation.to} <= there
+    ]
+    record = scenario.record.model_copy(update={
         "meta": meta.model_copy(update={
             "scene_id": f"{meta.scene_id}-{drive.policy}"[:80].replace(":", "-"),
             "driven_by": drive.policy,
@@ -60,45 +62,45 @@ def build_driven_scene(drive: Drive) -> DrivenScene:
         "agents": tuple(agents),
         "events": (),
         "relations": tuple(kept),
-        "ties": tuple(t for t in one.record.ties if {t.agent, t.of} <= there),
+        "ties": tuple(t for t in scenario.record.ties if {t.agent, t.of} <= there),
         "measures": tuple(
-            m for m in one.record.measures if {m.agent, m.other or m.agent} <= there
+            m for m in scenario.record.measures if {m.agent, m.other or m.agent} <= there
         ),
-        "sights": tuple(s for s in one.record.sights if {s.observer, s.subject} <= there),
-        "encounters": tuple(e for e in one.record.encounters if e.agent in there),
+        "sights": tuple(s for s in scenario.record.sights if {s.observer, s.subject} <= there),
+        "encounters": tuple(e for e in scenario.record.encounters if e.agent in there),
         "said": (),
         "signals": tuple(
             row.model_copy(update={"end": min(row.end, end)})
-            for row in one.record.signals if row.start < end
+            for row in scenario.record.signals if row.start < end
         ),
     })  # fmt: skip
-    record = _write_events(record, check(record, one.intersection_map))
-    proof = check(record, one.intersection_map, labelled=True)
+    record = _write_events(record, check(record, scenario.intersection_map))
+    proof = check(record, scenario.intersection_map, labelled=True)
     proof = proof.model_copy(update={"scene_digest": digest_scene(record)})
-    dropped = tuple(each for each in one.record.relations if each not in kept)
+    dropped = tuple(relation for relation in scenario.record.relations if relation not in kept)
     return DrivenScene(record, proof, dropped)
 
 
 def _drive_agent(drive: Drive, k: int) -> AgentRecord | None:
     """The agent with its driven track; None if it was never there."""
-    one, world = drive.scenario, drive.world
-    if k == one.ego:
+    scenario, world = drive.scenario, drive.world
+    if k == scenario.ego:
         points = list_ego_points(world.history)
         driven = [points[:, :2], points[:, 2], np.ones(len(points), dtype=bool)]
     else:
         names = ("xy", "heading", "present")
         driven = [np.array([getattr(now, name)[k] for now in world.record]) for name in names]
-    before = (one.xy, one.heading, one.present)
+    before = (scenario.xy, scenario.heading, scenario.present)
     xy, heading, there = (
-        np.concatenate([early[k, : one.start], late])
+        np.concatenate([early[k, : scenario.start], late])
         for early, late in zip(before, driven, strict=True)
     )
     steps = np.flatnonzero(there)
     if not len(steps):
         return None
     part = slice(steps[0], steps[-1] + 1)
-    return one.record.agents[k].model_copy(update={  # type: ignore[union-attr]
-        "spawn_time": round(float(steps[0]) * one.step, 3),
+    return scenario.record.agents[k].model_copy(update={  # type: ignore[union-attr]
+        "spawn_time": round(float(steps[0]) * scenario.step, 3),
         "trajectory": tuple(map(tuple, xy[part].round(3).tolist())),
         "heading": tuple(np.unwrap(heading[part]).round(4).tolist()),
         "waypoints": (),

@@ -105,16 +105,16 @@ class Observer:
     _kinds: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        one = self.scenario
-        route = one.paths[one.ego].xy
+        scenario = self.scenario
+        route = scenario.paths[scenario.ego].xy
         near = [
             np.min(np.hypot(*(line[:, None] - route[None, ::8]).transpose(2, 0, 1)))
-            for line in one.map_lines
+            for line in scenario.map_lines
         ]
         self._chosen = np.argsort(near, kind="stable")[:MAP_LINES]
-        self._lines = one.map_lines[self._chosen].reshape(-1, 2)
+        self._lines = scenario.map_lines[self._chosen].reshape(-1, 2)
         self._kinds = np.full(MAP_LINES, -1.0)
-        self._kinds[: len(self._chosen)] = one.map_kinds[self._chosen]
+        self._kinds[: len(self._chosen)] = scenario.map_kinds[self._chosen]
 
     def observe(self, world: World) -> Observation:
         """All arrays, as `SHAPES` describes them."""
@@ -131,19 +131,19 @@ class Observer:
         return seen
 
     def _observe_ego(self, world: World) -> NDArray[np.generic]:
-        one, ego = self.scenario, world.ego
-        route = one.paths[one.ego]
+        scenario, ego = self.scenario, world.ego
+        route = scenario.paths[scenario.ego]
         off = ego.heading - np.interp(ego.progress, route.arc, route.heading)
         values = (
-            ego.speed, ego.acceleration, ego.steering, *one.sizes[one.ego], ego.offset,
-            np.arctan2(np.sin(off), np.cos(off)), route.length - ego.progress, one.speed_limit,
+            ego.speed, ego.acceleration, ego.steering, *scenario.sizes[scenario.ego], ego.offset,
+            np.arctan2(np.sin(off), np.cos(off)), route.length - ego.progress, scenario.speed_limit,
         )  # fmt: skip
         return np.clip(np.array(values, dtype=np.float32), -FARTHEST, FARTHEST)
 
     def _observe_agents(self, world: World) -> NDArray[np.generic]:
-        one, others = self.scenario, world.others
+        scenario, others = self.scenario, world.others
         there = others.present.copy()
-        there[one.ego] = False
+        there[scenario.ego] = False
         who = np.flatnonzero(there)
         apart = np.hypot(others.xy[who, 0] - world.ego.x, others.xy[who, 1] - world.ego.y)
         who = who[np.argsort(apart, kind="stable")[:AGENTS]]
@@ -154,8 +154,8 @@ class Observer:
         rows[:, :2] = np.clip(_transform_to_ego(others.xy[who], world), -FARTHEST, FARTHEST)
         rows[:, 2:4] = facing
         rows[:, 4:6] = facing * others.speed[who, None]
-        rows[:, 6:8] = one.sizes[who]
-        rows[:, 8], rows[:, 9], rows[:, 10] = one.kinds[who], one.priority[who], 1.0
+        rows[:, 6:8] = scenario.sizes[who]
+        rows[:, 8], rows[:, 9], rows[:, 10] = scenario.kinds[who], scenario.priority[who], 1.0
         return seen
 
     def _observe_route(self, world: World) -> NDArray[np.generic]:
@@ -168,10 +168,10 @@ class Observer:
         return np.where(there[:, None], np.clip(seen, -FARTHEST, FARTHEST), 0.0).astype(np.float32)
 
     def _observe_lights(self, world: World) -> NDArray[np.generic]:
-        one = self.scenario
+        scenario = self.scenario
         seen = np.zeros(SHAPES["lights"], dtype=np.float32)
-        for row, (light, s) in zip(seen, one.paths[one.ego].stops, strict=False):
-            colour = one.get_colour(light, world.step)
+        for row, (light, s) in zip(seen, scenario.paths[scenario.ego].stops, strict=False):
+            colour = scenario.get_colour(light, world.step)
             if colour == NO_LIGHT:
                 continue
             row[0], row[-1] = s - world.ego.progress, 1.0

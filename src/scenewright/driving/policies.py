@@ -188,24 +188,24 @@ class RuleBasedPolicy:
         return np.array([max(free - self.parameters.acceleration * hold, -HARDEST)])
 
     def _accelerate_freely(self, ego: FloatArray, route: FloatArray) -> float:
-        one = self.parameters
+        parameters = self.parameters
         there = route[:, 4] > 0
         turn = np.abs(np.diff(np.unwrap(np.arctan2(route[there, 3], route[there, 2]))))
         away = ROUTE_SPACING * (np.arange(len(turn)) + 0.5)
-        allowed = one.speed * ego[8]
-        curve = np.sqrt(one.lateral * ROUTE_SPACING / np.maximum(turn, 1e-3))
-        reachable = np.sqrt(curve**2 + 2 * one.braking * np.maximum(away - ROUTE_SPACING, 0.0))
-        wanted = max(min([allowed, *reachable.tolist()]), 0.5)
-        if ego[0] > wanted:
-            return float(max(-one.braking, (wanted - ego[0]) / 0.5))
-        return float(one.acceleration * (1 - (ego[0] / wanted) ** 4))
+        allowed = parameters.speed * ego[8]
+        curve = np.sqrt(parameters.lateral * ROUTE_SPACING / np.maximum(turn, 1e-3))
+        reachable = np.sqrt(curve**2 + 2 * parameters.braking * np.maximum(away - ROUTE_SPACING, 0.0))
+        desired_speed = max(min([allowed, *reachable.tolist()]), 0.5)
+        if ego[0] > desired_speed:
+            return float(max(-parameters.braking, (desired_speed - ego[0]) / 0.5))
+        return float(parameters.acceleration * (1 - (ego[0] / desired_speed) ** 4))
 
     def _slow_for(self, speed: float, gap: float, ahead: float) -> float:
         """The squared ratio of desired and actual gap of the model."""
-        one = self.parameters
-        closing = speed * (speed - ahead) / (2 * np.sqrt(one.acceleration * one.braking))
-        wanted = one.gap + max(0.0, speed * one.headway + closing)
-        return float((wanted / max(gap, 0.1)) ** 2)
+        parameters = self.parameters
+        closing = speed * (speed - ahead) / (2 * np.sqrt(parameters.acceleration * parameters.braking))
+        desired_gap = parameters.gap + max(0.0, speed * parameters.headway + closing)
+        return float((desired_gap / max(gap, 0.1)) ** 2)
 
     def _meet_lights(self, observation: Observation, ego: FloatArray) -> list[tuple[float, float]]:
         """Gap [m] and speed [m/s] of what stands at red lights, and at yellow ones if it can."""

@@ -260,8 +260,8 @@ class Reactive:
         rows = _find_stretch(part)
         if rows[0] == 0:
             return False, True
-        ego_in, ego_out = (each * self._spacing[one.ego] for each in rows)
-        way_in, way_out = (each * self._spacing[j] for each in columns)
+        ego_in, ego_out = (row * self._spacing[one.ego] for row in rows)
+        way_in, way_out = (column * self._spacing[j] for column in columns)
         arrives, leaves = (_time_to(ego, d) for d in (ego_in, ego_out))
         begin, end = (self._time_of(j, d) for d in (way_in, way_out))
         if not (arrives < end + margin and begin < leaves + margin):

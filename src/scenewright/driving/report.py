@@ -116,7 +116,7 @@ class Report:
 
 def report_drive(drive: Drive) -> Report:
     """Measure a drive."""
-    world, one = drive.world, drive.scenario
+    world, scenario = drive.world, drive.scenario
     tracks = _build_tracks(drive)
     ego = tracks[0]
     near = _list_near(tracks)
@@ -125,7 +125,7 @@ def report_drive(drive: Drive) -> Report:
     ]
     red = _count_red_lights(world)
     impact = _describe_impact(drive, ego, near, red=red)
-    scene = build_driven_scene(drive) if one.record is not None else None
+    scene = build_driven_scene(drive) if scenario.record is not None else None
     least = min((float(each.min()) for each in ttc if len(each)), default=np.inf)
     pets = [met.pet for track in near.values() for met in find_encounters((ego, track))]
     pet = round(float(min(pets)), 3) if pets else None
@@ -136,9 +136,11 @@ def report_drive(drive: Drive) -> Report:
         "exposed": bool(least < EXPOSED_TTC) or (pet is not None and pet < EXPOSED_PET),
         "red_lights": red,
         "progress": round(given.progress, 3),
-        "route_share": round(world.ego.progress / max(one.paths[one.ego].length, 1e-9), 4),
+        "route_share": round(
+            world.ego.progress / max(scenario.paths[scenario.ego].length, 1e-9), 4
+        ),
         "off_road": round(given.off_road, 3),
-        "comfort": measure_comfort(list_ego_points(world.history), one.step).to_json(),
+        "comfort": measure_comfort(list_ego_points(world.history), scenario.step).to_json(),
         "nuplan": _score(drive, score_nuplan(given)),
         "epdms": _score(drive, score_epdms(given)),
         **({} if scene is None else _describe_scene(drive, scene)),
@@ -158,25 +160,29 @@ def _score(drive: Drive, scores: dict[str, float]) -> dict[str, float]:
 
 def _build_tracks(drive: Drive) -> tuple[Trajectory, ...]:
     """List the ego's track, then all others, each the longest stretch in the scene."""
-    one, world = drive.scenario, drive.world
+    scenario, world = drive.scenario, drive.world
     points = list_ego_points(world.history)
-    users = [_make_user(one, one.ego, points[:, :2], points[:, 2], one.start)]
-    for k in np.flatnonzero(np.arange(len(one.names)) != one.ego):
+    users = [_make_user(scenario, scenario.ego, points[:, :2], points[:, 2], scenario.start)]
+    for k in np.flatnonzero(np.arange(len(scenario.names)) != scenario.ego):
         there = np.array([now.present[k] for now in world.record])
         steps = np.flatnonzero(there)
         if len(steps) < 2:
             continue
         xy = np.array([now.xy[k] for now in world.record])[steps[0] : steps[-1] + 1]
         heading = np.array([now.heading[k] for now in world.record])[steps[0] : steps[-1] + 1]
-        users.append(_make_user(one, int(k), xy, heading, one.start + int(steps[0])))
+        users.append(_make_user(scenario, int(k), xy, heading, scenario.start + int(steps[0])))
     return build_trajectories(users)
 
 
-def _make_user(one: Scenario, k: int, xy: FloatArray, heading: FloatArray, first: int) -> RoadUser:
-    kind = KINDS[int(one.kinds[k])]
+def _make_user(
+    scenario: Scenario, k: int, xy: FloatArray, heading: FloatArray, first: int
+) -> RoadUser:
+    kind = KINDS[int(scenario.kinds[k])]
     shape_type: AgentClass = "vehicle" if kind == "object" else kind  # type: ignore[assignment]
-    shape = Shape(shape_type, float(one.sizes[k, 0]), float(one.sizes[k, 1]))
-    track = Track(xy.round(3), np.unwrap(heading).round(4), round(first * one.step, 3), one.step)
+    shape = Shape(shape_type, float(scenario.sizes[k, 0]), float(scenario.sizes[k, 1]))
+    track = Track(
+        xy.round(3), np.unwrap(heading).round(4), round(first * scenario.step, 3), scenario.step
+    )
     return RoadUser(k + 1, track, shape)
 
 
@@ -198,19 +204,21 @@ def _describe_impact(
     drive: Drive, ego: Trajectory, near: dict[int, Trajectory], *, red: int
 ) -> EgoCollision | None:
     """Measure the ego's collision and find the agent at fault."""
-    world, one = drive.world, drive.scenario
+    world, scenario = drive.world, drive.scenario
     if world.hit is None or world.hit not in near:
         return None
     other = near[world.hit]
     contact = find_first_contact(ego, other)
-    time = contact.time if contact is not None else world.step * one.step
+    time = contact.time if contact is not None else world.step * scenario.step
     seen = measure_impact(ego, other, time=time)
     kind = _classify(seen.speeds, seen.sides)
-    fault, reason = _find_fault(one, world.hit, kind, red=red)
-    before = ego.speed[ego.find_indices(np.arange(max(time - APPROACH, ego.start), time, one.step))]
+    fault, reason = _find_fault(scenario, world.hit, kind, red=red)
+    before = ego.speed[
+        ego.find_indices(np.arange(max(time - APPROACH, ego.start), time, scenario.step))
+    ]
     approach = float(before.max()) if len(before) else seen.speeds[0]
     return EgoCollision(
-        one.names[world.hit], float(time), kind, fault, reason, seen.sides[0], seen.speeds[0],
+        scenario.names[world.hit], float(time), kind, fault, reason, seen.sides[0], seen.speeds[0],
         seen.speeds[1], approach, max(approach - seen.speeds[0], 0.0),
     )  # fmt: skip
 
@@ -226,17 +234,17 @@ def _classify(speeds: tuple[float, float], sides: tuple[Any, Any]) -> str:
     return "active_rear" if sides[0] == "rear" else "active_lateral"
 
 
-def _find_fault(one: Scenario, hit: int, kind: str, *, red: int) -> tuple[str, str]:
+def _find_fault(scenario: Scenario, hit: int, kind: str, *, red: int) -> tuple[str, str]:
     """Who should have prevented a collision: right of way first, then the side that was hit."""
     if kind == "stopped_ego":
         return "other", "the ego stood"
-    if one.violators[hit]:
+    if scenario.violators[hit]:
         return "other", "the other ran a red light"
     if red:
         return "ego", "the ego ran a red light"
     if kind == "active_rear":
         return "other", "the ego was hit from behind"
-    if one.priority[hit]:
+    if scenario.priority[hit]:
         return "ego", "the other had the right of way"
     if kind in ("stopped_track", "active_front"):
         return "ego", "the ego's front hit the other"
@@ -248,13 +256,13 @@ def _find_fault(one: Scenario, hit: int, kind: str, *, red: int) -> tuple[str, s
 
 def _count_red_lights(world: World) -> int:
     """Lights that the ego's centre line passed on red."""
-    one = world.scenario
+    scenario = world.scenario
     count = 0
-    progress = np.array([each.progress for each in world.history])
-    for light, s in one.paths[one.ego].stops:
+    progress = np.array([state.progress for state in world.history])
+    for light, s in scenario.paths[scenario.ego].stops:
         passed = np.flatnonzero((progress[:-1] <= s + 0.5) & (progress[1:] > s + 0.5))
-        steps = [one.start + int(k) + 1 for k in passed]
-        count += any(one.get_colour(light, step) == COLOURS.index("red") for step in steps)
+        steps = [scenario.start + int(k) + 1 for k in passed]
+        count += any(scenario.get_colour(light, step) == COLOURS.index("red") for step in steps)
     return count
 
 
@@ -262,35 +270,35 @@ def _gather(
     drive: Drive, ego: Trajectory, near: dict[int, Trajectory], impact: EgoCollision | None,
     red: int,
 ) -> ScoreInputs:  # fmt: skip
-    one, world = drive.scenario, drive.world
+    scenario, world = drive.scenario, drive.world
     points = list_ego_points(world.history)
     at_fault = impact is not None and impact.at_fault == "ego"
-    is_object = world.hit is not None and KINDS[int(one.kinds[world.hit])] == "object"
-    lawful = _find_lawful_progress(one)
+    is_object = world.hit is not None and KINDS[int(scenario.kinds[world.hit])] == "object"
+    lawful = _find_lawful_progress(scenario)
     return ScoreInputs(
         at_fault=int(at_fault and not is_object),
         at_fault_objects=int(at_fault and is_object),
-        off_road=_measure_off_road(one, points),
-        against_flow=_measure_against_flow(one, points),
+        off_road=_measure_off_road(scenario, points),
+        against_flow=_measure_against_flow(scenario, points),
         red_lights=red,
         ttc=_find_ttc(world, ego, near),
         progress=world.history[-1].progress - world.history[0].progress,
-        reference=float(lawful[min(world.step, len(lawful) - 1)] - lawful[one.start]),
-        overspeed=float(np.maximum(points[:, 3] - one.speed_limit, 0.0).sum() * one.step),
-        duration=one.step * (len(points) - 1),
+        reference=float(lawful[min(world.step, len(lawful) - 1)] - lawful[scenario.start]),
+        overspeed=float(np.maximum(points[:, 3] - scenario.speed_limit, 0.0).sum() * scenario.step),
+        duration=scenario.step * (len(points) - 1),
         off_lane=_find_longest_off_lane(world),
-        comfortable=measure_comfort(points, one.step).is_comfortable,
+        comfortable=measure_comfort(points, scenario.step).is_comfortable,
     )
 
 
-def _find_lawful_progress(one: Scenario) -> FloatArray:
+def _find_lawful_progress(scenario: Scenario) -> FloatArray:
     """[T] way of the recorded ego, held at lights that it ran on red until they change [m]."""
-    path = one.paths[one.ego]
+    path = scenario.paths[scenario.ego]
     progress = path.progress
     for light, s in path.stops:
         step = int(np.searchsorted(progress, s + 0.5, side="right"))
-        if step < len(progress) and one.get_colour(light, step) == COLOURS.index("red"):
-            changed = np.flatnonzero(one.colours[light, step:] != COLOURS.index("red"))
+        if step < len(progress) and scenario.get_colour(light, step) == COLOURS.index("red"):
+            changed = np.flatnonzero(scenario.colours[light, step:] != COLOURS.index("red"))
             wait = int(changed[0]) if len(changed) else len(progress)
             held = np.concatenate(
                 [progress[:step], np.full(wait, min(s, progress[step])), progress[step:]]
@@ -299,20 +307,20 @@ def _find_lawful_progress(one: Scenario) -> FloatArray:
     return progress
 
 
-def _measure_off_road(one: Scenario, points: FloatArray) -> float:
+def _measure_off_road(scenario: Scenario, points: FloatArray) -> float:
     """Largest distance of a corner of the ego outside of the drivable area [m]; 0 without a map."""
-    if one.intersection_map is None:
+    if scenario.intersection_map is None:
         return 0.0
     import shapely
 
     geos: Any = shapely
     road = geos.union_all([
         geos.Polygon(area.exterior, [list(hole) for hole in area.holes])
-        for area in one.intersection_map.road
+        for area in scenario.intersection_map.road
     ])  # fmt: skip
-    extent = one.intersection_map.extent
+    extent = scenario.intersection_map.extent
     c, s = np.cos(points[:, 2]), np.sin(points[:, 2])
-    length, width = one.sizes[one.ego]
+    length, width = scenario.sizes[scenario.ego]
     ahead, left = np.stack([c, s]) * length / 2, np.stack([-s, c]) * width / 2
     sides = ((1, 1), (1, -1), (-1, -1), (-1, 1))
     corners = np.concatenate([points[:, :2] + (a * ahead + b * left).T for a, b in sides])
@@ -322,9 +330,9 @@ def _measure_off_road(one: Scenario, points: FloatArray) -> float:
     return float(geos.distance(road, geos.points(corners)).max())
 
 
-def _measure_against_flow(one: Scenario, points: FloatArray) -> float:
+def _measure_against_flow(scenario: Scenario, points: FloatArray) -> float:
     """Longest way within 1 s that the ego's centre went against every lane under it [m]."""
-    lanes = one.map_lines[one.map_kinds == 0]
+    lanes = scenario.map_lines[scenario.map_kinds == 0]
     if not len(lanes):
         return 0.0
     legs = np.diff(lanes, axis=1)
@@ -335,8 +343,8 @@ def _measure_against_flow(one: Scenario, points: FloatArray) -> float:
     under = apart <= half + 1.0
     along = np.cos(points[:, 2, None, None] - course)
     against = under.any(axis=(1, 2)) & ~(under & (along > 0)).any(axis=(1, 2))
-    way = np.where(against, points[:, 3] * one.step, 0.0)
-    window = round(1.0 / one.step)
+    way = np.where(against, points[:, 3] * scenario.step, 0.0)
+    window = round(1.0 / scenario.step)
     return float(np.convolve(way, np.ones(window), mode="same").max())
 
 
@@ -346,11 +354,11 @@ def _find_ttc(world: World, ego: Trajectory, near: dict[int, Trajectory]) -> flo
     nuPlan's sectors: agents count within 30 degrees of the way ahead of the rear axle, and within
     150 where the ego is in a junction or off its lane, or no map says where it is.
     """
-    one, points = world.scenario, list_ego_points(world.history)
+    scenario, points = world.scenario, list_ego_points(world.history)
     ahead = np.stack([np.cos(points[:, 2]), np.sin(points[:, 2])], axis=1)
-    axle = points[:, :2] - one.sizes[one.ego, 0] * REAR_AXLE * ahead
-    wide = np.array([abs(each.offset) > LANE_OFFSET for each in world.history])
-    widest = np.where(wide | _find_in_junction(one, axle), BESIDE, AHEAD)
+    axle = points[:, :2] - scenario.sizes[scenario.ego, 0] * REAR_AXLE * ahead
+    wide = np.array([abs(state.offset) > LANE_OFFSET for state in world.history])
+    widest = np.where(wide | _find_in_junction(scenario, axle), BESIDE, AHEAD)
     least = np.inf
     for track in near.values():
         times = find_common_times(ego, track)
@@ -363,16 +371,16 @@ def _find_ttc(world: World, ego: Trajectory, near: dict[int, Trajectory]) -> flo
     return least
 
 
-def _find_in_junction(one: Scenario, xy: FloatArray) -> BoolArray:
+def _find_in_junction(scenario: Scenario, xy: FloatArray) -> BoolArray:
     """[n] whether points lie on lanes inside the junction; without a map all may."""
-    if one.intersection_map is None:
+    if scenario.intersection_map is None:
         return np.ones(len(xy), dtype=np.bool_)
     import shapely
 
     geos: Any = shapely
     inside = geos.union_all([
         geos.Polygon((*lane.left, *reversed(lane.right))).buffer(0)
-        for lane in one.intersection_map.lanelets if lane.kind == "connector"
+        for lane in scenario.intersection_map.lanelets if lane.kind == "connector"
     ])  # fmt: skip
     return np.asarray(geos.contains_xy(inside, xy))
 
@@ -380,8 +388,8 @@ def _find_in_junction(one: Scenario, xy: FloatArray) -> BoolArray:
 def _find_longest_off_lane(world: World) -> float:
     """Longest time more than 0.5 m beside the route [s]."""
     longest = run = 0
-    for each in world.history:
-        run = run + 1 if abs(each.offset) > LANE_OFFSET else 0
+    for state in world.history:
+        run = run + 1 if abs(state.offset) > LANE_OFFSET else 0
         longest = max(longest, run)
     return longest * world.scenario.step
 
@@ -391,12 +399,14 @@ def _find_longest_off_lane(world: World) -> float:
 
 def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
     """The proof, the encounter that was asked for, and collisions that the ego had no part in."""
-    one = drive.scenario
-    ids = [agent.id for agent in one.record.agents]  # type: ignore[union-attr]
-    me = ids[one.ego]
+    scenario = drive.scenario
+    ids = [agent.id for agent in scenario.record.agents]  # type: ignore[union-attr]
+    me = ids[scenario.ego]
     meetings = drive.world.traffic.meetings if isinstance(drive.world.traffic, Resolve) else ()
     # those that were re-timed stand in for those that the ego was to meet
-    partners = {ids[k] for k in (*one.partner, *(m.agent for m in meetings if m.agent != m.asked))}
+    partners = {
+        ids[k] for k in (*scenario.partner, *(m.agent for m in meetings if m.agent != m.asked))
+    }
     met = [e for e in scene.events if {e.from_, e.to} & {me} and {e.from_, e.to} & partners]
     apart = [e for e in scene.events if e.type == "collision" and me not in (e.from_, e.to)]
     return {
@@ -404,7 +414,7 @@ def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
         "not_verified_for": [k for k, found in _FINDINGS.items() if getattr(scene.proof, found)],
         "as_asked": not scene.dropped and not scene.proof.missing,
         "encounter": [
-            {"type": e.type, "with": one.names[ids.index(e.to if e.from_ == me else e.from_)],
+            {"type": e.type, "with": scenario.names[ids.index(e.to if e.from_ == me else e.from_)],
              "time": round(e.time, 3)} for e in met
         ],
         "background_collisions": len(apart),
@@ -419,13 +429,13 @@ def _describe_meetings(drive: Drive, met: set[int]) -> dict[str, Any]:
     if not isinstance(traffic, Resolve):
         return {}
     rows = []
-    for each in traffic.meetings:
-        row: dict[str, Any] = {"with": names[each.asked], "came_about": each.agent in met}
-        if each.agent != each.asked:
-            row["stand_in"] = names[each.agent]
+    for meeting in traffic.meetings:
+        row: dict[str, Any] = {"with": names[meeting.asked], "came_about": meeting.agent in met}
+        if meeting.agent != meeting.asked:
+            row["stand_in"] = names[meeting.agent]
         if not row["came_about"]:
-            time = drive.world.step * drive.scenario.step if each.time is None else each.time
-            row |= {"time": round(time, 2), "reason": each.explain()}
+            time = drive.world.step * drive.scenario.step if meeting.time is None else meeting.time
+            row |= {"time": round(time, 2), "reason": meeting.explain()}
         if row["with"] in drive.obstacles:
             obstacle = drive.obstacles[row["with"]]
             row |= {"allowed": obstacle is None, "obstacle": obstacle}

@@ -177,7 +177,7 @@ class Resolve(Reactive):
         return float(min(wanted, float(reach.min(initial=50.0))))
 
     def _ignores_ego(self, j: int) -> bool:
-        found = [each for each in self.meetings if each.agent == j]
+        found = [meeting for meeting in self.meetings if meeting.agent == j]
         return any(each.status in ("open", "committed") and not each.heeds for each in found)
 
     def _retime(self, meeting: EgoConflict, ego: EgoState, step: int) -> None:

@@ -43,22 +43,24 @@ def find_obstacles(drive: Drive, policy: Policy) -> dict[str, str | None]:
     Args:
         policy: the one that drove; it is driven again, once for each agent.
     """
-    one = drive.scenario
+    scenario = drive.scenario
     return {
-        one.names[meeting.agent]: _find_obstacle(one, meeting, policy, drive.seed)
-        for meeting in list_meetings(one)
+        scenario.names[meeting.agent]: _find_obstacle(scenario, meeting, policy, drive.seed)
+        for meeting in list_meetings(scenario)
     }
 
 
-def _find_obstacle(one: Scenario, meeting: EgoConflict, policy: Policy, seed: int) -> str | None:
-    name = one.names[meeting.agent]
-    ego_time, short = find_arrival_alone(one, meeting, policy, seed)
-    if ego_time > (one.steps - 1) * one.step - REST:
+def _find_obstacle(
+    scenario: Scenario, meeting: EgoConflict, policy: Policy, seed: int
+) -> str | None:
+    name = scenario.names[meeting.agent]
+    ego_time, short = find_arrival_alone(scenario, meeting, policy, seed)
+    if ego_time > (scenario.steps - 1) * scenario.step - REST:
         return f"without {name} too, the ego is {short:.0f} m short of the place when it ends"
-    path = one.paths[meeting.agent]
-    if path.progress[max(one.start, path.first)] >= meeting.agent_at:
+    path = scenario.paths[meeting.agent]
+    if path.progress[max(scenario.start, path.first)] >= meeting.agent_at:
         return f"{name} is past the place when the ego enters"
-    earliest = find_earliest_arrival(one, meeting.agent, meeting.agent_at)
+    earliest = find_earliest_arrival(scenario, meeting.agent, meeting.agent_at)
     if earliest > ego_time + LATEST:
         return (
             f"{name} can be at the place at {earliest:.1f} s at the earliest, "
@@ -68,57 +70,57 @@ def _find_obstacle(one: Scenario, meeting: EgoConflict, policy: Policy, seed: in
 
 
 def find_arrival_alone(
-    one: Scenario, meeting: EgoConflict, policy: Policy, seed: int
+    scenario: Scenario, meeting: EgoConflict, policy: Policy, seed: int
 ) -> tuple[float, float]:
     """When the ego is at the place with the other taken out [s], and how far short it ends [m].
 
     Inf where it does not come there.
     """
     alone = drive_once(
-        remove_agent(one, meeting.agent), policy, others="reactive", seed=seed
+        remove_agent(scenario, meeting.agent), policy, others="reactive", seed=seed
     ).world.history
     progress = np.array([each.progress for each in alone])
     there = np.flatnonzero(progress >= meeting.ego_at)
-    time = (one.start + float(there[0])) * one.step if len(there) else np.inf
+    time = (scenario.start + float(there[0])) * scenario.step if len(there) else np.inf
     return time, max(meeting.ego_at - float(progress.max()), 0.0)
 
 
-def remove_agent(one: Scenario, agent: int) -> Scenario:
+def remove_agent(scenario: Scenario, agent: int) -> Scenario:
     """The scenario in which an agent has left before anything begins."""
-    paths = list(one.paths)
+    paths = list(scenario.paths)
     paths[agent] = replace(paths[agent], first=-1, last=-1)
-    present = one.present.copy()
+    present = scenario.present.copy()
     present[agent] = False
-    return replace(one, paths=tuple(paths), present=present)
+    return replace(scenario, paths=tuple(paths), present=present)
 
 
-def find_earliest_arrival(one: Scenario, agent: int, at: float) -> float:
+def find_earliest_arrival(scenario: Scenario, agent: int, at: float) -> float:
     """When an agent can be at a place on its way [m] if it hurries but heeds its lights [s].
 
     From where it is when the ego enters, or where it enters later, it speeds up as its kind can,
     to what its kind and its curves allow, and stops for no other agent.
     """
-    path, kind = one.paths[agent], int(one.kinds[agent])
-    step = max(one.start, path.first)
+    path, kind = scenario.paths[agent], int(scenario.kinds[agent])
+    step = max(scenario.start, path.first)
     s = float(path.progress[step])
-    speed = float(path.progress[min(step + 1, one.steps - 1)] - s) / one.step
-    while s < at and step < one.steps - 1:
-        reach = _find_reach(one, path, agent, s, step)
-        speed = min(speed + GAIN[kind] * one.step, float(FASTEST[kind]), reach)
-        s, step = s + speed * one.step, step + 1
-    return step * one.step if s >= at else float(np.inf)
+    speed = float(path.progress[min(step + 1, scenario.steps - 1)] - s) / scenario.step
+    while s < at and step < scenario.steps - 1:
+        reach = _find_reach(scenario, path, agent, s, step)
+        speed = min(speed + GAIN[kind] * scenario.step, float(FASTEST[kind]), reach)
+        s, step = s + speed * scenario.step, step + 1
+    return step * scenario.step if s >= at else float(np.inf)
 
 
-def _find_reach(one: Scenario, path: AgentPath, agent: int, s: float, step: int) -> float:
+def _find_reach(scenario: Scenario, path: AgentPath, agent: int, s: float, step: int) -> float:
     """The speed at which the agent can still keep its curves and stop at its red lights [m/s]."""
     ahead = path.arc >= s
     away, bend = path.arc[ahead] - s, np.maximum(np.abs(path.curvature[ahead]), 1e-3)
     curves = float(np.sqrt(LATERAL / bend + 2 * 3.0 * away).min(initial=np.inf))
-    if one.violators[agent]:
+    if scenario.violators[agent]:
         return curves
     red = [
         at - s for light, at in path.stops
-        if at > s - 0.3 and one.get_colour(light, step) == COLOURS.index("red")
+        if at > s - 0.3 and scenario.get_colour(light, step) == COLOURS.index("red")
     ]  # fmt: skip
     return min([curves, *(float(np.sqrt(2 * 3.0 * max(each, 0.0))) for each in red)])
 
@@ -181,12 +183,12 @@ class _Rehearsal:
 
     def bring_about(self, meeting: EgoConflict) -> None:
         """Try plans for an agent until it meets the ego, and all others do that did before."""
-        one = self.best.scenario
-        name = one.names[meeting.agent]
+        scenario = self.best.scenario
+        name = scenario.names[meeting.agent]
         if name in self._met:
             return
-        arrival, _ = find_arrival_alone(one, meeting, self._policy, self.best.seed)
-        for plan in _list_plans(one, meeting, arrival + meeting.lag):
+        arrival, _ = find_arrival_alone(scenario, meeting, self._policy, self.best.seed)
+        for plan in _list_plans(scenario, meeting, arrival + meeting.lag):
             plans = {**self._plans, meeting.asked: plan}
             drive = self._once(traffic=Resolve(plans))
             self.tries += 1
@@ -196,35 +198,39 @@ class _Rehearsal:
                 return
 
 
-def _list_plans(one: Scenario, meeting: EgoConflict, time: float) -> Iterator[Plan]:
+def _list_plans(scenario: Scenario, meeting: EgoConflict, time: float) -> Iterator[Plan]:
     """What to try: other times, then stand-ins that go the same way."""
     for offset, late in TRIES:
         yield Plan(time + offset, late)
-    for stand_in in find_stand_ins(one, meeting, time):
+    for stand_in in find_stand_ins(scenario, meeting, time):
         for offset, late in TRIES[:STAND_IN_TRIES]:
             yield Plan(time + offset, late, stand_in)
 
 
-def find_stand_ins(one: Scenario, meeting: EgoConflict, time: float) -> list[tuple[int, float]]:
+def find_stand_ins(
+    scenario: Scenario, meeting: EgoConflict, time: float
+) -> list[tuple[int, float]]:
     """Agents of the same kind and way, and where the place is on their ways [m].
 
     Those come first that were recorded there nearest to a time [s]; two at most.
     """
-    if one.record is None:
+    if scenario.record is None:
         return []
-    agents, met = one.record.agents, {each.asked for each in list_meetings(one)}
+    agents, met = scenario.record.agents, {each.asked for each in list_meetings(scenario)}
     asked = agents[meeting.asked]
-    place = one.paths[meeting.asked].get_poses(np.array([meeting.agent_at]))[0][0]
+    place = scenario.paths[meeting.asked].get_poses(np.array([meeting.agent_at]))[0][0]
     found = []
     for k, agent in enumerate(agents):
         same = (agent.type, agent.subtype, agent.route) == (asked.type, asked.subtype, asked.route)
-        if not same or k == one.ego or k in met or one.violators[k]:
+        if not same or k == scenario.ego or k in met or scenario.violators[k]:
             continue
-        path = one.paths[k]
+        path = scenario.paths[k]
         apart = np.hypot(*(path.xy - place).T)
         at = int(np.argmin(apart))
-        if apart[at] < NEAR and path.progress[max(one.start, path.first)] < path.arc[at]:
-            found.append((abs(float(path.arrival[at]) * one.step - time), k, float(path.arc[at])))
+        if apart[at] < NEAR and path.progress[max(scenario.start, path.first)] < path.arc[at]:
+            found.append(
+                (abs(float(path.arrival[at]) * scenario.step - time), k, float(path.arc[at]))
+            )
     return [(k, at) for _, k, at in sorted(found)[:2]]
 
 

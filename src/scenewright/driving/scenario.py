@@ -485,7 +485,7 @@ def _list_map_lines(place: IntersectionMap | None) -> tuple[FloatArray, IntArray
 
 def _find_speed_limit(ego: AgentRecord, place: IntersectionMap) -> float:
     """The lowest limit on the lanes outside the junction that the ego's movement uses [m/s]."""
-    ways = [each for each in place.movements if ego.route.endswith(each.id)]
+    ways = [movement for movement in place.movements if ego.route.endswith(movement.id)]
     used = {name for way in ways for name in way.lanelets}
     limits = [lane.speed_limit for lane in place.lanelets if lane.id in used]
     return min(limits, default=DEFAULT_SPEED_LIMIT)

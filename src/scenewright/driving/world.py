@@ -110,9 +110,11 @@ class Replay:
         return self._get_state_at(step)
 
     def _get_state_at(self, step: int) -> OtherStates:
-        one = self._scenario
-        k = min(step, one.steps - 1)
-        return OtherStates(one.xy[:, k], one.heading[:, k], self._speed[:, k], one.present[:, k])
+        scenario = self._scenario
+        k = min(step, scenario.steps - 1)
+        return OtherStates(
+            scenario.xy[:, k], scenario.heading[:, k], self._speed[:, k], scenario.present[:, k]
+        )
 
 
 def compute_recorded_speeds(scenario: Scenario) -> FloatArray:
@@ -144,22 +146,22 @@ class World:
 
     def advance(self, action: FloatArray) -> None:
         """Advance all agents by one step, and look for a contact of the ego."""
-        one = self.scenario
+        scenario = self.scenario
         before, others = self.ego, self.others
         self.ego = move_ego(
-            before, action, self.mode, one.paths[one.ego], length=float(one.sizes[one.ego, 0]),
-            step=one.step,
+            before, action, self.mode, scenario.paths[scenario.ego],
+            length=float(scenario.sizes[scenario.ego, 0]), step=scenario.step,
         )  # fmt: skip
         self.step += 1
         self.others = self.traffic.move(others, before, self.step)
         self.history.append(self.ego)
         self.record.append(self.others)
-        self.hit = _find_hit(one, before, self.ego, others, self.others)
+        self.hit = _find_hit(scenario, before, self.ego, others, self.others)
         if self.hit is not None:
             self.end = "collision"
-        elif self.ego.progress >= one.paths[one.ego].length - ARRIVAL_TOLERANCE:
+        elif self.ego.progress >= scenario.paths[scenario.ego].length - ARRIVAL_TOLERANCE:
             self.end = "arrived"
-        elif self.step >= one.steps - 1:
+        elif self.step >= scenario.steps - 1:
             self.end = "over"
 
 
@@ -213,4 +215,4 @@ def _interpolate_ego(before: EgoState, after: EgoState) -> tuple[FloatArray, Flo
 
 def list_ego_points(history: Sequence[EgoState]) -> FloatArray:
     """[n, 4] x, y [m], heading [rad] and speed [m/s] of the ego at every step."""
-    return np.array([(each.x, each.y, each.heading, each.speed) for each in history])
+    return np.array([(state.x, state.y, state.heading, state.speed) for state in history])

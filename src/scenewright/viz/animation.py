@@ -48,7 +48,7 @@ def choose_frame_times(scene: SceneRecord, *, fps: int, whole: bool = False) -> 
     Args:
         whole: show the scene to its end.
     """
-    events = [each.time for each in scene.events if each.time is not None]
+    events = [event.time for event in scene.events if event.time is not None]
     duration = scene.meta.duration
     end = duration if whole or not events else min(max(events) + ENDING, duration)
     grid = np.arange(0.0, end + 1e-9, 0.01)

@@ -225,11 +225,15 @@ def find_main_time(scene: SceneRecord) -> float:
     """The time to show when there is only one picture [s]: the first event, else the first agent
     that drives into an object, else the fullest."""
     times = [event.time for event in scene.events if event.time is not None]
-    ended = {each.agent for each in scene.encounters if has_trait("encounter", each.how, "ends")}
+    ended = {
+        encounter.agent
+        for encounter in scene.encounters
+        if has_trait("encounter", encounter.how, "ends")
+    }
     times += [
-        each.spawn_time + scene.meta.step * (len(each.trajectory) - 1)
-        for each in scene.agents
-        if each.id in ended
+        agent.spawn_time + scene.meta.step * (len(agent.trajectory) - 1)
+        for agent in scene.agents
+        if agent.id in ended
     ]
     if times:
         return min(times)

@@ -106,14 +106,14 @@ def build_player_data(
         "agents": [_describe_agent(each) for each in moving],
         "objects": [
             {
-                "name": describe_object(each),
-                "high": each.height == "high",
-                "since": each.since or 0.0,
-                "outline": _round(outline_object(each)),
+                "name": describe_object(scene_object),
+                "high": scene_object.height == "high",
+                "since": scene_object.since or 0.0,
+                "outline": _round(outline_object(scene_object)),
             }
-            for each in scene.objects
+            for scene_object in scene.objects
         ],
-        "signals": [each.model_dump(mode="json") for each in scene.signals],
+        "signals": [signal.model_dump(mode="json") for signal in scene.signals],
         "events": _list_events(scene, proof, intersection),
         "proof": None if proof is None else _describe_proof(proof),
         "account": [] if proof is None else _list_words(scene, proof),
@@ -166,7 +166,7 @@ def _describe_agent(motion: DrawnMotion) -> dict[str, Any]:
             include={"id", "name", "type", "subtype", "role", "entry", "exit", "movement",
                      "crosswalk", "length", "width"},
         ),
-        "segments": [each.model_dump(mode="json") for each in agent.segments],
+        "segments": [segment.model_dump(mode="json") for segment in agent.segments],
         "called": motion.called,
         "colour": motion.colour,
         "start": float(motion.times[0]),
@@ -181,9 +181,9 @@ def _describe_others(scene: SceneRecord, over: SceneRecord) -> list[dict[str, An
     """The agents of another version whose tracks are not in this one."""
     here = {(agent.name, agent.spawn_time, agent.trajectory) for agent in scene.agents}
     return [
-        _describe_agent(each)
-        for each in list_motions(over)
-        if (each.agent.name, each.agent.spawn_time, each.agent.trajectory) not in here
+        _describe_agent(motion)
+        for motion in list_motions(over)
+        if (motion.agent.name, motion.agent.spawn_time, motion.agent.trajectory) not in here
     ]
 
 
@@ -192,7 +192,7 @@ def _list_events(
 ) -> list[dict[str, Any]]:
     """Events with their evidence, and the conflict zone of the two routes where the map has one."""
     routes = {agent.id: agent.route for agent in scene.agents}
-    rows = [each.model_dump(mode="json", by_alias=True) for each in (proof or scene).events]
+    rows = [event.model_dump(mode="json", by_alias=True) for event in (proof or scene).events]
     return [
         {**row, "zone": _find_zone(intersection, routes.get(row["from"]), routes.get(row["to"]))}
         for row in rows

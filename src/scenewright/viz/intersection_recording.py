@@ -66,7 +66,7 @@ def record_intersection(
             stream, join_entity_path("priors", route.type, route.id), drawn, colour, "priors", 0.05
         )
     lines = [f"### {escape_markdown(make_printable(intersection.title, limit=200))}", ""]
-    lines += [f"- {escape_markdown(make_printable(each, limit=400))}" for each in facts]
+    lines += [f"- {escape_markdown(make_printable(fact, limit=400))}" for fact in facts]
     page = "\n".join(lines)
     stream.log("about", rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     stream.send_blueprint(_build_blueprint(intersection))
@@ -89,10 +89,10 @@ def _log_movements(stream: rr.RecordingStream, intersection_map: IntersectionMap
     """Log the middle of every movement in the colour of its turn, with an arrow at its end."""
     import rerun as rr
 
-    for each in intersection_map.movements:
-        line = np.array(each.centreline)
-        colour = parse_colour(_TURNS[each.turn])
-        name = join_entity_path("movements", each.id)
+    for movement in intersection_map.movements:
+        line = np.array(movement.centreline)
+        colour = parse_colour(_TURNS[movement.turn])
+        name = join_entity_path("movements", movement.id)
         _log_curves(stream, name, [line], colour, "movements", 0.12)
         head = rr.Arrows3D(
             origins=raise_points(line[-2:-1], _HEIGHTS["movements"]),

@@ -91,8 +91,8 @@ def record_scene(
     _log_paths(stream, "candidates", candidates or {}, moving, width=0.03, strength=0.3)
     _log_paths(stream, "priors", {n: [p] for n, p in (priors or {}).items()}, moving, width=0.09,
                strength=0.65)  # fmt: skip
-    for each in scene.objects:
-        _log_object(stream, each)
+    for scene_object in scene.objects:
+        _log_object(stream, scene_object)
     for motion in moving:
         _log_motion(stream, motion)
     _log_states(stream, scene)
@@ -443,7 +443,9 @@ def _write_report(scene: SceneRecord, proof: Proof | None) -> str:
     lines += _format_events(proof.events, {agent.id: agent.name for agent in scene.agents})
     for title in ("missing", "interference", "implausible", "signal_violations"):
         name, findings = title.replace("_", " "), getattr(proof, title)
-        details = [escape_markdown(make_printable(each.detail, limit=400)) for each in findings]
+        details = [
+            escape_markdown(make_printable(finding.detail, limit=400)) for finding in findings
+        ]
         lines += [f"- **{name}**: {each}" for each in details] or [f"- no {name}"]
     lines += ["", "### Words", "| words | state | claim | evidence |", "|---|---|---|---|"]
     for each in proof.account:

@@ -137,12 +137,12 @@ def _draw_agents(
 
 def draw_objects(axes: Drawing, scene: SceneRecord) -> None:
     """Standing objects: hatched where they block the view."""
-    for each in scene.objects:
+    for scene_object in scene.objects:
         # A white rim would leave nothing of a door.
-        rim = STANDING if each.kind == "door" else "white"
-        outline = outline_object(each)
+        rim = STANDING if scene_object.kind == "door" else "white"
+        outline = outline_object(scene_object)
         axes.draw([outline], closed=True, order=9.5, fill=STANDING)
-        if each.height == "high":
+        if scene_object.height == "high":
             hatch = _hatch_outline(outline, 6.0 / axes.scale)
             axes.draw(hatch, order=9.5, stroke="white", stroke_width=1.2)
         axes.draw([outline], closed=True, order=9.5, stroke=rim, stroke_width=0.9)
@@ -178,8 +178,8 @@ def _reserve_label_space(
             layout.avoid(_fill_outline(motion.compute_outline(index)))
         if motion.is_foreground:
             layout.avoid(motion.xy[::3])
-    for each in scene.objects:
-        layout.avoid(_fill_outline(outline_object(each)))
+    for scene_object in scene.objects:
+        layout.avoid(_fill_outline(outline_object(scene_object)))
     return layout
 
 

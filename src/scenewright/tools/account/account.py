@@ -99,11 +99,11 @@ def write_account(
     false = tuple(
         Finding(
             rule="word_contradicted",
-            agents=each.agents,
-            detail=f"'{each.words}' says {each.claim}; the scene shows {each.evidence}",
+            agents=entry.agents,
+            detail=f"'{entry.words}' says {entry.claim}; the scene shows {entry.evidence}",
         )
-        for each in entries
-        if each.state == "contradicted"
+        for entry in entries
+        if entry.state == "contradicted"
     )
     if (plan := scene.meta.plan) and scene.meta.user_prompt != join_fields(list_fields(plan)):
         detail = "the prompt does not list the fields of the plan"
@@ -122,8 +122,8 @@ def _drop_replaced(entries: list[AccountEntry], texts: Sequence[str]) -> list[Ac
 
     In a change, words of what was there before ("the van" that is to be a bus) are no claims.
     """
-    back = [any(each.is_in("takes_back") for each in read_tokens(text)) for text in texts]
-    compares = [any(each.is_in("compares") for each in read_tokens(text)) for text in texts]
+    back = [any(token.is_in("takes_back") for token in read_tokens(text)) for text in texts]
+    compares = [any(token.is_in("compares") for token in read_tokens(text)) for text in texts]
     kept: list[AccountEntry] = []
     for entry in entries:
         kind = _get_type(entry)
@@ -183,10 +183,10 @@ def _find_unknown(tokens: Sequence[Token], n: int) -> str | None:
 
 def _is_denied(tokens: Sequence[Token], n: int) -> bool:
     """Whether a negation belongs to a noun or verb: "without rain", "does not honk"."""
-    for each in reversed(tokens[max(0, n - 4) : n]):
-        if each.kind in ("end", "comma") or each.text in ("a", "an", "the", "and", "but"):
+    for token in reversed(tokens[max(0, n - 4) : n]):
+        if token.kind in ("end", "comma") or token.text in ("a", "an", "the", "and", "but"):
             return False
-        if each.negates:
+        if token.negates:
             return True
     return False
 
@@ -233,7 +233,7 @@ def _account_text(text: str, turn: int, facts: SceneFacts) -> Iterator[AccountEn
         turns = tokens[n].negates or tokens[n].has("almost", "avoid")
         turns = turns and not tokens[n].has("reaction")  # "dodges" is a motion of its own
         event = tokens[n].has("event") and not tokens[n].has("almost")
-        followed = any(each.has("event") for each in tokens[n + 1 : n + 3])
+        followed = any(token.has("event") for token in tokens[n + 1 : n + 3])
         own = found is not None and (found.state == "seen" or (found.claim and (event or followed)))
         if turns and not own:
             states[n] = _copy_near(states, tokens, n)

@@ -31,9 +31,9 @@ def find_unasked_changes(before: SceneRecord, after: SceneRecord, words: str) ->
 def _compare(
     before: SceneRecord, after: SceneRecord, tokens: Sequence[Token], mentions: Sequence[Mention]
 ) -> Iterator[str]:
-    removes, adds = (any(each.is_in(name) for each in tokens) for name in ("removes", "adds"))
+    removes, adds = (any(token.is_in(name) for token in tokens) for name in ("removes", "adds"))
     crowd = any(e.is_in("crowd") or e.has(*_CROWD) or e.kind == "clock" for e in tokens)
-    deeds = any(each.is_in("swaps") or each.has(*_EVENTS) for each in tokens)
+    deeds = any(token.is_in("swaps") or token.has(*_EVENTS) for token in tokens)
     old, new = _list_foreground(before), _list_foreground(after)
     gone, come = old.keys() - new.keys(), new.keys() - old.keys()
     named = any(not m.pronoun and m.classes for m in mentions)
@@ -44,22 +44,24 @@ def _compare(
     one_each = all(m.count == 1 for m in mentions)
     if len(new) > len(old) and named and one_each and not (adds or deeds):
         yield f"{', '.join(sorted(come))} would be there beside the others"
-    moves = any(each.has(*_WAYS) for each in tokens)
+    moves = any(token.has(*_WAYS) for token in tokens)
     come_in = come or len(after.objects) > len(before.objects)
     if adds and moves and any(m.new and m.count == 1 for m in mentions) and not come_in:
         yield "who is new would only be one of those around"
     if removes and not crowd:
         yield from _check_removal(old, new, mentions)
-    exchanged = any(each.is_in("exchanges") for each in tokens) and not any(m.new for m in mentions)
-    if not (exchanged or any(each.has(*_WAYS, *_EVENTS) for each in tokens)):
+    exchanged = any(token.is_in("exchanges") for token in tokens) and not any(
+        m.new for m in mentions
+    )
+    if not (exchanged or any(token.has(*_WAYS, *_EVENTS) for token in tokens)):
         yield from _compare_ways(old, new)
-    if any(each.is_in("crowd") for each in tokens):
+    if any(token.is_in("crowd") for token in tokens):
         yield from _compare_crowd(before, after, tokens)
     yield from _compare_background(
         before, after, crowd or any(m.background or m.absent for m in mentions)
     )
     if before.meta.time_of_day != after.meta.time_of_day and not (
-        crowd or any(each.kind == "clock" or each.number is not None for each in tokens)
+        crowd or any(token.kind == "clock" or token.number is not None for token in tokens)
     ):
         yield f"the time would be {after.meta.time_of_day}"
     if not (deeds or removes or adds or named) and _list_relations(before) != _list_relations(
@@ -95,8 +97,8 @@ def _compare_crowd(
 ) -> Iterator[str]:
     """Whether more, or fewer, are around where that is what the words ask for."""
     old, new = (sum(a.role == "background" for a in scene.agents) for scene in (before, after))
-    more = any(each.is_in("more_around") for each in tokens) and new <= old
-    fewer = any(each.is_in("fewer_around") for each in tokens) and new >= old
+    more = any(token.is_in("more_around") for token in tokens) and new <= old
+    fewer = any(token.is_in("fewer_around") for token in tokens) and new >= old
     if more or fewer:
         yield f"there would be {new} around and not {old}"
 
@@ -118,4 +120,6 @@ def _list_foreground(scene: SceneRecord) -> dict[str, AgentRecord]:
 
 def _list_relations(scene: SceneRecord) -> set[tuple[str, str, str]]:
     names = {agent.id: agent.name for agent in scene.agents}
-    return {(each.type, names[each.from_], names[each.to]) for each in scene.relations}
+    return {
+        (relation.type, names[relation.from_], names[relation.to]) for relation in scene.relations
+    }

@@ -103,7 +103,7 @@ class PaceTest:
             speeds = [(number, speed) for number, speed in kept if speed is not None]
             if len(speeds) < max(len(agents), 1):
                 continue
-            found = [self._compare(facts, *each) for each in speeds]
+            found = [self._compare(facts, *speed) for speed in speeds]
             seen = ", ".join(f"agent {number} at {speed:.1f} m/s" for number, speed in speeds)
             holds = True if all(found) else False if False in found else None
             return Result(holds, seen, agents)
@@ -159,10 +159,10 @@ class ClassTest:
             seen = 0 if self.group else facts.count_background(self.classes)
             return Result(seen > 0, f"{seen} in the background")
         agents = list_agents(binding, self.mention)
-        objects = [each for each in facts.scene.objects if each.id in bound]
+        objects = [scene_object for scene_object in facts.scene.objects if scene_object.id in bound]
         if not (
             all(facts.fits_class(n, self.classes) for n in agents)
-            and all(fits_object(each, self.classes) for each in objects)
+            and all(fits_object(scene_object, self.classes) for scene_object in objects)
         ):
             return Result(False, "another class")
         named = ", ".join(
@@ -304,10 +304,12 @@ class EventTest:
         """What an agent does about an object: hits it, waits behind it."""
         parties = (*self.subjects, *self.objects)
         bound = {n for one in parties for n in binding.get(one, ())}
-        for each in facts.scene.encounters:
-            if makes_true("encounter", each.how, self.kind) and (each.agent in bound or not bound):
-                how = each.how.replace("_", " ")
-                return Result(True, f"agent {each.agent} {how} {each.object}")
+        for encounter in facts.scene.encounters:
+            if makes_true("encounter", encounter.how, self.kind) and (
+                encounter.agent in bound or not bound
+            ):
+                how = encounter.how.replace("_", " ")
+                return Result(True, f"agent {encounter.agent} {how} {encounter.object}")
         return None
 
     def _find_between(
@@ -585,7 +587,9 @@ class StandstillCountTest:
     def __call__(self, facts: SceneFacts, binding: Binding) -> Result:
         agents = _list_all(binding, self.subjects)
         for number in agents:
-            times = sum(each >= LEAST_STANDSTILL for each in facts.list_standstills(number))
+            times = sum(
+                standstill >= LEAST_STANDSTILL for standstill in facts.list_standstills(number)
+            )
             if times != self.number:
                 return Result(False, f"agent {number} stands {times} times", (number,))
         return Result(True, f"{self.number} standstills", tuple(agents)) if agents else UNTESTED
@@ -764,12 +768,12 @@ def makes_true(axis: Axis, name: str | None, sense: str) -> bool:
 
 def find_manoeuvre(facts: SceneFacts, value: str) -> list[int]:
     """Agents that do a manoeuvre of a relation: the leader brakes, who pushes was struck or not."""
-    relations = [each for each in facts.scene.relations if each.manoeuvre == value]
+    relations = [relation for relation in facts.scene.relations if relation.manoeuvre == value]
     if has_trait("manoeuvre", value, "by_to"):
-        return [each.to for each in relations]
+        return [relation.to for relation in relations]
     if has_trait("manoeuvre", value, "by_all"):
         return list(facts.foreground) if relations else []
-    return [each.from_ for each in relations]
+    return [relation.from_ for relation in relations]
 
 
 def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
@@ -784,7 +788,9 @@ def find_close_following(facts: SceneFacts, _value: str) -> list[int]:
 def find_meeting(facts: SceneFacts, value: str) -> list[int]:
     """Agents that do something of a kind about an object."""
     return [
-        each.agent for each in facts.scene.encounters if makes_true("encounter", each.how, value)
+        encounter.agent
+        for encounter in facts.scene.encounters
+        if makes_true("encounter", encounter.how, value)
     ]
 
 

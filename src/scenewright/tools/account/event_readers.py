@@ -39,9 +39,9 @@ def read_event(finder: PartyFinder, span: Span) -> Iterator[Claim]:
         test = AllAgents(subjects, "stands", lambda facts, n: facts.stands(n) >= LEAST_STANDSTILL)
         yield Claim("stop", "waits at a light", tuple(range(start, stop)), subjects, test)
         return
-    stops = any(each.is_in("standstill") for each in finder.tokens[start:stop])
+    stops = any(token.is_in("standstill") for token in finder.tokens[start:stop])
     almost = any(each.has("almost") for each in (*before, word))
-    avoided = any(each.has("avoid") for each in before)
+    avoided = any(token.has("avoid") for token in before)
     if "cut_off" in kinds:
         kinds = kinds - {"cut_off"} | {"near_miss", "collision"}
     if "collision" in kinds and (almost or avoided):
@@ -69,7 +69,7 @@ def _is_for_a_light(finder: PartyFinder, stop: int) -> bool:
             or finder.tokens[n].text in ("while", "and", "then", "but"))  # fmt: skip
     last = next(ends, len(finder.tokens))
     users = any(stop <= m.head < last and not m.pronoun for m in finder.mentions)
-    return not users and any(each.has("light") for each in finder.tokens[stop:last])
+    return not users and any(token.has("light") for token in finder.tokens[stop:last])
 
 
 def _says_striker(finder: PartyFinder, start: int, stop: int) -> bool:
@@ -77,7 +77,7 @@ def _says_striker(finder: PartyFinder, start: int, stop: int) -> bool:
     word = finder.tokens[start]
     if word.text.endswith("ing") and word.stem == "crash":
         return False
-    if any(each.text in ("into", "over", "down") for each in finder.tokens[start : stop + 1]):
+    if any(token.text in ("into", "over", "down") for token in finder.tokens[start : stop + 1]):
         return True
     direct = word.stem in load_vocabulary().lists["striking_stems"]
     follow = finder.tokens[stop].text if stop < len(finder.tokens) else None

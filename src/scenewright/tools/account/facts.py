@@ -45,7 +45,7 @@ class SceneFacts:
     def foreground(self) -> tuple[int, ...]:
         """Agents that the request is about; of a group its first member."""
         bound = {n for each in self.scene.relations for n in (each.from_, each.to)}
-        bound |= {each.agent for each in self.scene.encounters}
+        bound |= {encounter.agent for encounter in self.scene.encounters}
         bound |= {n for each in self.scene.sights for n in (each.observer, each.subject)}
         return tuple(
             agent.id
@@ -118,9 +118,9 @@ class SceneFacts:
         walks = agent.type == "pedestrian"
         own = f"{agent.crosswalk}:crosswalk" if walks else f"{agent.entry}:stop"
         red = [
-            (each.start, each.end)
-            for each in self.scene.signals
-            if each.colour == "red" and own in (each.crosswalk, each.stop_line)
+            (signal.start, signal.end)
+            for signal in self.scene.signals
+            if signal.colour == "red" and own in (signal.crosswalk, signal.stop_line)
         ]
         return any(
             start <= agent.spawn_time + k * step < end
@@ -134,7 +134,7 @@ class SceneFacts:
         lines = self.intersection_map.stop_lines if self.intersection_map else ()
         legs = self.intersection_map.legs if self.intersection_map else ()
         for line in (each for each in lines if each.id == stop_line):
-            bearing = next(each.bearing for each in legs if each.name == line.leg)
+            bearing = next(leg.bearing for leg in legs if leg.name == line.leg)
             (ax, ay), (bx, by) = line.line[0], line.line[-1]
             east, north = point[0] - (ax + bx) / 2.0, point[1] - (ay + by) / 2.0
             return east * math.cos(bearing) + north * math.sin(bearing) > 0.0
@@ -216,10 +216,12 @@ class SceneFacts:
         Args:
             standstills: only those that say how long an agent stands.
         """
-        for each in self.scene.measures:
-            of = frozenset({each.agent, each.agent if each.other is None else each.other})
-            if not standstills or each.kind == "wait":
-                yield UNITS[each.kind].unit, each.low, each.high, of
+        for measure in self.scene.measures:
+            of = frozenset(
+                {measure.agent, measure.agent if measure.other is None else measure.other}
+            )
+            if not standstills or measure.kind == "wait":
+                yield UNITS[measure.kind].unit, measure.low, measure.high, of
         for met in self.scene.encounters:
             unit = get_figure(met.how).unit
             if met.figure is not None and (unit == "s" or not standstills):
@@ -274,7 +276,7 @@ def fits_object(each: ObjectRecord, classes: frozenset[str]) -> bool:
 
 def fits_noun(agent: AgentRecord, classes: frozenset[str]) -> bool:
     """Whether a noun of these classes may stand for an agent."""
-    return not classes or any(_fits(agent, each) for each in classes)
+    return not classes or any(_fits(agent, class_) for class_ in classes)
 
 
 def _fits(agent: AgentRecord, kind: str) -> bool:

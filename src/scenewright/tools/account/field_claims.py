@@ -30,19 +30,19 @@ def account_fields(
     """
     numbers = {agent.name: agent.id for agent in facts.scene.agents}
     whole = numbers.keys() >= {agent.id for agent in plan.agents}
-    for each in list_fields(plan):
-        if each.section == "said":
-            for entry in read(each.words):
-                moved = {key: getattr(entry, key) + each.start for key in ("start", "end")}
+    for field in list_fields(plan):
+        if field.section == "said":
+            for entry in read(field.words):
+                moved = {key: getattr(entry, key) + field.start for key in ("start", "end")}
                 yield entry.model_copy(update=moved)
             continue
         gap = Result(False, "not all agents of the plan are there")
-        result = _test(each, plan, facts, numbers) if whole else gap
+        result = _test(field, plan, facts, numbers) if whole else gap
         state = {True: "seen", False: "contradicted", None: "not_shown"}[result.holds]
         yield AccountEntry.model_validate(
             {
-                "start": each.start, "end": each.end, "words": each.words, "state": state,
-                "claim": f"{each.name or each.section.removesuffix('s')} {each.words}",
+                "start": field.start, "end": field.end, "words": field.words, "state": state,
+                "claim": f"{field.name or field.section.removesuffix('s')} {field.words}",
                 "evidence": result.evidence or "no test of it", "agents": result.agents,
             }
         )  # fmt: skip

@@ -72,7 +72,7 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
             mention = replace(mention, classes=mention.classes | {"motorcycle"})
         if mention.pronoun and tokens[n].is_in("of_persons"):
             persons = [m.classes for m in found if m.classes & (_RIDERS | {"pedestrian"})]
-            if persons and not any(each.is_in("drivers") for each in tokens):
+            if persons and not any(token.is_in("drivers") for token in tokens):
                 mention = replace(mention, classes=frozenset().union(*persons))
         alone = mention.pronoun and tokens[n].text == "another"
         if found and alone and tokens[n - 1].text not in ("one", "after"):  # "a car hits another"
@@ -164,7 +164,7 @@ def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
 def _is_said_to_stand(tokens: Sequence[Token], stop: int) -> bool:
     """Whether words for what stands follow a noun: "a van parked", "a bus is broken down"."""
     be = stop < len(tokens) and tokens[stop].is_in("be")
-    return any(each.has("object") for each in tokens[stop + be : stop + be + 1])
+    return any(token.has("object") for token in tokens[stop + be : stop + be + 1])
 
 
 def _find_none_after(tokens: Sequence[Token], stop: int) -> int | None:
@@ -294,7 +294,7 @@ def _is_bare_label(tokens: Sequence[Token], n: int) -> bool:
     )
     return labelled or (tokens[n].text != "a") or (
         after is not None and after.has("event", "motion_verb") and not after.has("noun")
-        and any(each.text == "b" for each in tokens)
+        and any(token.text == "b" for token in tokens)
     )  # fmt: skip
 
 
@@ -307,4 +307,4 @@ def _is_ridden(tokens: Sequence[Token], person: Mention, ride: Mention) -> bool:
     between = tokens[person.stop : ride.start]
     if not 1 <= len(between) <= 2 or not between[-1].is_in("rides"):
         return False
-    return all(each.kind == "word" and not each.has("event") for each in between)
+    return all(token.kind == "word" and not token.has("event") for token in between)

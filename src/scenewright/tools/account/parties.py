@@ -58,7 +58,7 @@ class PartyFinder:
         )
         nearest = here[-1]
         stop = self.mentions[nearest].stop
-        relative = any(each.is_in("relative") for each in self.tokens[stop : stop + 2])
+        relative = any(token.is_in("relative") for token in self.tokens[stop : stop + 2])
         denied = n and self.tokens[n - 1].text in ("without", "while", "not")
         if participle or (denied and not relative):
             return (here[0],)  # what the first one does, or not: "hits a van without braking"
@@ -127,9 +127,9 @@ class PartyFinder:
             word = self.tokens[stop - 1]
         if not (word.text.endswith(("ed", "en")) or word.is_in("past")):
             return False
-        by = any(each.text == "by" for each in self.tokens[stop : stop + 3])
-        be = any(each.is_in("be") for each in self.tokens[max(0, start - 3) : start])
-        into = any(each.text == "into" for each in self.tokens[start : stop + 1])
+        by = any(token.text == "by" for token in self.tokens[stop : stop + 3])
+        be = any(token.is_in("be") for token in self.tokens[max(0, start - 3) : start])
+        into = any(token.text == "into" for token in self.tokens[start : stop + 1])
         # who "is pushed into a van" strikes it
         return by or (be and not into and word.text not in ("stopped", "yielded"))
 
@@ -137,7 +137,9 @@ class PartyFinder:
         return self.tokens[self.mentions[index].head].sentence == self.tokens[n].sentence
 
     def _has_break(self, start: int, stop: int) -> bool:
-        return any(each.kind == "comma" or each.is_in("breaks") for each in self.tokens[start:stop])
+        return any(
+            token.kind == "comma" or token.is_in("breaks") for token in self.tokens[start:stop]
+        )
 
     def _opens_part(self, index: int, n: int) -> bool:
         """Whether a mention follows a word in its own part of the sentence."""
@@ -147,7 +149,7 @@ class PartyFinder:
     def _describes(self, index: int, n: int) -> bool:
         """Whether words follow their mention at once: "a man from the west", "a car turning"."""
         between = self.tokens[self.mentions[index].stop : n]
-        return not any(each.has("event") for each in between)
+        return not any(token.has("event") for token in between)
 
     def _is_object(self, index: int) -> bool:
         """Whether a mention is what something is done to."""

@@ -60,7 +60,7 @@ def _list_names(intersection_map: IntersectionMap | None) -> Mapping[str, list[s
     for leg in intersection_map.legs if intersection_map else ():
         for part in re.split(r"[/;,]", leg.road or ""):
             words = expand_name(part).split()
-            short = [each for each in words if each not in OPPOSITE]
+            short = [word for word in words if word not in OPPOSITE]
             core = [each for each in short if each not in TYPES]
             wordings = {" ".join(each) for each in (words, short, core)}
             for name in wordings - TYPES - {""}:

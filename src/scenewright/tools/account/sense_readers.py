@@ -62,7 +62,7 @@ def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Cl
                 found += _read_point(finder, n, value)  # "hits it on its left side"
             if reader := _READERS.get(family):
                 found += reader(finder, n, value)
-    for kind, start, stop in dict.fromkeys(each.phrase for each in tokens if each.phrase):
+    for kind, start, stop in dict.fromkeys(token.phrase for token in tokens if token.phrase):
         subjects, objects = finder.find_parties(start, stop)
         event = tests.EventTest(kind, subjects, objects, directed=False, denied=False)
         words = tuple(range(start, stop))
@@ -170,15 +170,15 @@ def _read_others(finder: PartyFinder, mention: Mention) -> Claim:
 def _read_number(finder: PartyFinder, n: int, number: float) -> Iterator[Claim]:
     tokens = finder.tokens
     said = tokens[n].unit or next(
-        (each.text for each in tokens[n + 1 : n + 3] if each.text in _FACTORS), None
+        (token.text for token in tokens[n + 1 : n + 3] if token.text in _FACTORS), None
     )
     if said is not None:
-        if any(each.text in ("limit", "zone") for each in tokens[max(0, n - 5) : n + 4]):
+        if any(token.text in ("limit", "zone") for token in tokens[max(0, n - 5) : n + 4]):
             return  # a posted limit is of the place
         unit, factor = _FACTORS.get(said, (said, 1.0))
         value = number * factor
         subjects = finder.find_subjects(n)
-        stands = unit == "s" and any(each.has("stop") for each in tokens[max(0, n - 3) : n])
+        stands = unit == "s" and any(token.has("stop") for token in tokens[max(0, n - 3) : n])
         test = tests.NumberTest(subjects, unit, value, stands, _find_bound(tokens, n))
         yield Claim("number", f"{value:.3g} {unit}", (n,), subjects, test)
     elif any(m.start <= n < m.stop for m in finder.mentions):
@@ -227,7 +227,7 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
     """A leg: of a crosswalk, to leave by, to come from, or either."""
     tokens = finder.tokens
     crosswalk = _is_of_crosswalk(tokens, n)
-    marked = any(each.has("crosswalk") for each in tokens[n + 1 : n + 3])
+    marked = any(token.has("crosswalk") for token in tokens[n + 1 : n + 3])
     said = next(
         (t for t in reversed(tokens[max(0, n - 4) : n]) if t.has("noun") or t.is_in("to", "from")),
         None,
@@ -236,8 +236,8 @@ def _read_side(finder: PartyFinder, n: int, side: str) -> Iterator[Claim]:
     ends_pair = n > 0 and tokens[n - 1].has("side") and tokens[n].start - tokens[n - 1].end == 1
     to = (ends_pair or (said is not None and said.is_in("to"))) and not source  # "S-N"
     turned = _is_turn_told(tokens, n)
-    heads = any(each.has("motion_verb") for each in tokens[max(0, n - 2) : n])
-    over = any(each.text in ("over", "across", "through") for each in tokens[max(0, n - 3) : n])
+    heads = any(token.has("motion_verb") for token in tokens[max(0, n - 2) : n])
+    over = any(token.text in ("over", "across", "through") for token in tokens[max(0, n - 3) : n])
 
     def holds(facts: SceneFacts, number: int) -> bool:
         agent = facts.agents[number]
@@ -271,7 +271,7 @@ def _read_road(finder: PartyFinder, n: int, legs: str) -> Iterator[Claim]:
         None,
     )
     corner = any(
-        each.text in ("and", "with", "of", "at", "cross", "across") for each in before[-1:]
+        token.text in ("and", "with", "of", "at", "cross", "across") for token in before[-1:]
     )
     if said is None or corner or said.has("noun", "cross") or said.text in ("of", "for"):
         return
@@ -292,7 +292,7 @@ def _is_opposite(entry: str, side: str) -> bool:
 def _is_of_crosswalk(tokens: Sequence[Token], n: int) -> bool:
     """Whether a side says which crosswalk: "the east crosswalk", "crosses the east leg"."""
     after = [*takewhile(lambda each: each.kind == "word", tokens[n + 1 : n + 3])]
-    if any(each.has("crosswalk") for each in after):  # not "from the east, crossing"
+    if any(token.has("crosswalk") for token in after):  # not "from the east, crossing"
         return True
     k = n - 1
     while k > 0 and tokens[k].text in ("on", "of", "at", "the", "in", ":", "="):
@@ -300,22 +300,22 @@ def _is_of_crosswalk(tokens: Sequence[Token], n: int) -> bool:
     if n > 0 and tokens[k].has("crosswalk") and not tokens[k].text.startswith("crossi"):
         return True
     crosses = any(t.stem == "cros" or t.text == "across" for t in tokens[max(0, n - 3) : n])
-    return crosses and any(each.is_in("legs") for each in tokens[n + 1 : n + 3])
+    return crosses and any(token.is_in("legs") for token in tokens[n + 1 : n + 3])
 
 
 def _begins_pair(tokens: Sequence[Token], n: int) -> bool:
     """Whether a side is the first of two: "north to south", "north-south"."""
     after = tokens[n + 1 : n + 3]
-    if any(each.text in ("to", "->", "→", ">", "=>") for each in after):
+    if any(token.text in ("to", "->", "→", ">", "=>") for token in after):
         return True
-    return any(each.has("side") for each in after) and tokens[n].end + 1 >= after[0].start
+    return any(token.has("side") for token in after) and tokens[n].end + 1 >= after[0].start
 
 
 def _is_turn_told(tokens: Sequence[Token], n: int) -> bool:
     """Whether a turn is told of before a word, in its sentence."""
     return any(
-        each.has("left", "right", "turn") and each.sentence == tokens[n].sentence
-        for each in tokens[:n]
+        token.has("left", "right", "turn") and token.sentence == tokens[n].sentence
+        for token in tokens[:n]
     )
 
 
@@ -355,13 +355,13 @@ def _read_hand(hand: str) -> Reader:
         if len(after) == 2 and after[0].is_in("body_parts") and after[1].text == "of":
             return ()  # "the right side of a van"
         before = finder.tokens[max(0, n - 3) : n]
-        if any(each.has("reaction") for each in before):
+        if any(token.has("reaction") for token in before):
             return ()  # "swerves left": nothing measures to which side
         whose = before and (
             before[-1].text.endswith("'s")
             or (
                 before[-1].is_in("possessive")
-                and any(each.text in ("from", "on", "to", "at") for each in before[:-1])
+                and any(token.text in ("from", "on", "to", "at") for token in before[:-1])
             )
         )
         if after and after[0].stem == "hook":  # "is right-hooked by a van"
@@ -369,7 +369,7 @@ def _read_hand(hand: str) -> Reader:
             subjects = parties[finder.is_passive(n + 1, n + 2)]
             test = tests.AllAgents(subjects, hand, lambda f, a: f.agents[a].movement == hand)
             return (Claim("movement", hand, (n,), subjects, test),)
-        turns = any(each.stem == "turn" for each in before)  # "turning to the right side"
+        turns = any(token.stem == "turn" for token in before)  # "turning to the right side"
         read_claims_of = _read_tie if whose and not turns else _read_movement
         return read_claims_of(hand)(finder, n, value)
 
@@ -388,7 +388,7 @@ def _read_cross(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
 
 
 def _read_red(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
-    lights = any(each.has("light") for each in finder.tokens[:n])
+    lights = any(token.has("light") for token in finder.tokens[:n])
     if finder.tokens[finder.tokens[n].senses["red"][1] - 1].text == "it" and not lights:
         return  # "a car runs it over"
     denied = finder.is_denied(n)
@@ -404,13 +404,13 @@ def _read_light(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     start, stop = finder.tokens[n].senses["light"]
     if any(m.start <= n < m.head for m in finder.mentions):
         return  # "a green car"
-    if any(each.text == "green" for each in finder.tokens[max(0, n - 1) : n + 1]):
+    if any(token.text == "green" for token in finder.tokens[max(0, n - 1) : n + 1]):
         yield from _claim_all(
             finder, n, ("red_light", "no run", "a green light"),
             lambda facts, number: number not in facts.red_runners and bool(facts.scene.signals),
         )  # fmt: skip
-    elif any(each.text == "red" for each in finder.tokens[start:stop]) and any(
-        each.has("stop") for each in finder.tokens[max(0, start - 5) : start]
+    elif any(token.text == "red" for token in finder.tokens[start:stop]) and any(
+        token.has("stop") for token in finder.tokens[max(0, start - 5) : start]
     ):  # "waiting at the red light"
         yield from _claim_all(
             finder, n, ("stop", "waits at a red light", "stands before a red light"),
@@ -430,8 +430,8 @@ def _read_stop(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
         # the motion of those who collide ends there, also of who could not stop
         ends = any(e.type == "collision" and number in (e.from_, e.to) for e in facts.events)
         ends |= any(
-            each.agent == number and tests.makes_true("encounter", each.how, "collision")
-            for each in facts.scene.encounters
+            encounter.agent == number and tests.makes_true("encounter", encounter.how, "collision")
+            for encounter in facts.scene.encounters
         )
         return stands != denied or (ends and (hit or denied))
 
@@ -443,7 +443,7 @@ def _read_times(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     """Claim how often an agent stands: "stops twice"."""
     start, stop = finder.tokens[n].senses["times"]
     times = _TIMES.get(finder.tokens[start].text)
-    if times and any(each.has("stop") for each in finder.tokens[max(0, start - 3) : start]):
+    if times and any(token.has("stop") for token in finder.tokens[max(0, start - 3) : start]):
         subjects = finder.find_subjects(start)
         test = tests.StandstillCountTest(subjects, times)
         yield Claim("count", f"{times} standstills", tuple(range(start, stop)), subjects, test)
@@ -453,7 +453,7 @@ def _read_brake(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     if any(m.start <= n < m.head for m in finder.mentions):
         return  # "a slow van"
     denied = finder.is_denied(n)
-    hard = any(each.is_in("hard") for each in finder.tokens[max(0, n - 2) : n + 3])
+    hard = any(token.is_in("hard") for token in finder.tokens[max(0, n - 2) : n + 3])
 
     def holds(facts: SceneFacts, number: int) -> bool:
         braking = facts.compute_braking(number)
@@ -523,7 +523,7 @@ def _read_crosswalk(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]
 
 def _read_background(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     near, after = finder.tokens[max(0, n - 3) : n + 1], finder.tokens[n + 1 : n + 2]
-    denied = finder.is_denied(n) or any(each.is_in("nobody") for each in near)
+    denied = finder.is_denied(n) or any(token.is_in("nobody") for token in near)
     if finder.tokens[n].text in ("everyone", "everybody") and after and after[0].text != "else":
         return  # "everyone stops" says more than that there are others
     yield Claim("background", "none" if denied else "some", (n,), (), tests.OthersTest(denied))
@@ -539,7 +539,7 @@ def _read_kind(_finder: PartyFinder, n: int, value: str) -> Iterator[Claim]:
 
 def _read_point(finder: PartyFinder, n: int, _value: str) -> Iterator[Claim]:
     word, around = finder.tokens[n].text, finder.tokens[max(0, n - 1) : n + 2]
-    if word in ("left", "right") and not any(each.is_in("body_parts") for each in around):
+    if word in ("left", "right") and not any(token.is_in("body_parts") for token in around):
         return  # a turn, or the side from which somebody comes
     of = next((k for k in range(n, min(n + 3, len(finder.tokens) - 1))
                if finder.tokens[k + 1].text == "of"), None)  # fmt: skip
@@ -568,7 +568,7 @@ def _read_any(kind: ClaimType, find: Callable[[SceneFacts, str], Iterable[int]])
             )  # fmt: skip
         on_foot = has_trait(kind, value, "afoot")
         subjects = finder.find_subjects(start, "foot" if on_foot else "any")
-        noun = any(each.is_in("possessive") for each in finder.tokens[max(0, start - 2) : start])
+        noun = any(token.is_in("possessive") for token in finder.tokens[max(0, start - 2) : start])
         if finder.is_denied(start) or (on_foot and (noun or not subjects)):
             return  # not "its run"
         what = value or kind
@@ -615,7 +615,7 @@ _READERS: Mapping[str, Reader] = {
     "manoeuvre": _read_any("manoeuvre", tests.find_manoeuvre),
     "overtakes": _read_any("manoeuvre", tests.find_overtaking),
     "meets": _read_any("encounter", tests.find_meeting),
-    "sight": _read_any("sight", lambda facts, _: [each.subject for each in facts.scene.sights]),
+    "sight": _read_any("sight", lambda facts, _: [sight.subject for sight in facts.scene.sights]),
     "group": _read_any(
         "group", lambda facts, _: [n for n in facts.foreground if facts.count_members(n) > 1]
     ),

@@ -53,7 +53,7 @@ def compute_content_chance(weights: FloatArray, buckets: Sequence[int]) -> float
 
 def hash_features(tokens: Sequence[Token], n: int) -> list[int]:
     """The buckets of the features of a word, each once."""
-    return sorted({crc32(each.encode()) % BUCKETS for each in _list_features(tokens, n)})
+    return sorted({crc32(feature.encode()) % BUCKETS for feature in _list_features(tokens, n)})
 
 
 def _list_features(tokens: Sequence[Token], n: int) -> Iterator[str]:

@@ -210,7 +210,7 @@ def is_label(tokens: Sequence[Token], n: int) -> bool:
     follow = tokens[n + 1] if n + 1 < len(tokens) else None
     if (follow is not None and follow.stem == "year") or (n and tokens[n - 1].text == "aged"):
         return True
-    around = "".join(each.text for each in (*tokens[n - 1 : n], *tokens[n + 1 : n + 2]))
+    around = "".join(token.text for token in (*tokens[n - 1 : n], *tokens[n + 1 : n + 2]))
     if n > 1 and around in (",,", "()") and (tokens[n - 2].has("noun") or tokens[n - 2].capital):
         return True  # "a teacher, 71, ..."
     if n and tokens[n].start - tokens[n - 1].end == 1 and is_label(tokens, n - 1):
@@ -231,7 +231,7 @@ def _list_phrases(
     _own: str | None,
 ) -> tuple[tuple[tuple[str, tuple[str, ...]], ...], frozenset[str]]:
     """The event and the phrases of each relation, and the stems of all their words."""
-    phrases = tuple((each.proof.event, each.phrases) for each in load_patterns())
+    phrases = tuple((pattern.proof.event, pattern.phrases) for pattern in load_patterns())
     words = (word for _, said in phrases for each in said for word in each.lower().split())
     return phrases, frozenset(map(reduce_word, words))
 
@@ -241,7 +241,7 @@ def _find_relation_phrases(
 ) -> dict[int, tuple[str, int, int]]:
     """Tokens that belong to a phrase of a relation file, the shipped ones and the user's."""
     found: dict[int, tuple[str, int, int]] = {}
-    stems = [each.stem for each in tokens]
+    stems = [token.stem for token in tokens]
     for event, words in _list_relation_phrases(phrases):
         for n in range(len(stems) - len(words) + 1):
             if stems[n : n + len(words)] == words:
@@ -321,8 +321,8 @@ def _match_phrases(tokens: list[Token]) -> Iterator[tuple[int, int, frozenset[st
 def _is_duration(tokens: list[Token], n: int) -> bool:
     """Whether "for" before a token says how long: "stop for five seconds", but not "for a bus"."""
     return tokens[n - 1].text == "for" and any(
-        each.stem == "second" or (each.kind == "figure" and each.text[-1] == "s")
-        for each in tokens[n : n + 2]
+        token.stem == "second" or (token.kind == "figure" and token.text[-1] == "s")
+        for token in tokens[n : n + 2]
     )
 
 

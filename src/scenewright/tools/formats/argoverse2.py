@@ -111,23 +111,25 @@ def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
     beside = {edge: n for edge, (n, same) in find_neighbours(intersection).items() if same}
     lanes = [
         {
-            "id": numbers[each.id],
-            "is_intersection": each.kind == "connector",
+            "id": numbers[lanelet.id],
+            "is_intersection": lanelet.kind == "connector",
             "lane_type": "VEHICLE",
-            "left_lane_boundary": list_points(each.left),
-            "right_lane_boundary": list_points(each.right),
+            "left_lane_boundary": list_points(lanelet.left),
+            "right_lane_boundary": list_points(lanelet.right),
             "left_lane_mark_type": "UNKNOWN",
             "right_lane_mark_type": "UNKNOWN",
-            "predecessors": [numbers[name] for name in before[each.id]],
-            "successors": [numbers[name] for name in each.successors],
-            "left_neighbor_id": numbers.get(beside.get((each.id, "left"), "")),
-            "right_neighbor_id": numbers.get(beside.get((each.id, "right"), "")),
+            "predecessors": [numbers[name] for name in before[lanelet.id]],
+            "successors": [numbers[name] for name in lanelet.successors],
+            "left_neighbor_id": numbers.get(beside.get((lanelet.id, "left"), "")),
+            "right_neighbor_id": numbers.get(beside.get((lanelet.id, "right"), "")),
         }
-        for each in intersection.lanelets
-        if each.id in numbers
+        for lanelet in intersection.lanelets
+        if lanelet.id in numbers
     ]
     first = len(numbers) + 1
-    edges = [map(list_points, find_crosswalk_edges(each)) for each in intersection.crosswalks]
+    edges = [
+        map(list_points, find_crosswalk_edges(crosswalk)) for crosswalk in intersection.crosswalks
+    ]
     crossings = [
         {"id": first + k, "edge1": left, "edge2": right} for k, (left, right) in enumerate(edges)
     ]
@@ -135,9 +137,9 @@ def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
     areas = [{"id": first + k, "area_boundary": list_points(area.exterior)}
              for k, area in enumerate(intersection.road)]  # fmt: skip
     return {
-        "pedestrian_crossings": {str(each["id"]): each for each in crossings},
-        "lane_segments": {str(each["id"]): each for each in lanes},
-        "drivable_areas": {str(each["id"]): each for each in areas},
+        "pedestrian_crossings": {str(crossing["id"]): crossing for crossing in crossings},
+        "lane_segments": {str(lane["id"]): lane for lane in lanes},
+        "drivable_areas": {str(area["id"]): area for area in areas},
     }
 
 

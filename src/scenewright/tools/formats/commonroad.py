@@ -142,9 +142,9 @@ def _add_junction(
     intersection = scene.intersection_map
     turns = {name: m.turn for m in intersection.movements for name in m.lanelets}
     approaches: dict[str, list[Lanelet]] = defaultdict(list)
-    for each in intersection.lanelets:
-        if each.kind == "approach":
-            approaches[str(each.leg)].append(each)
+    for lanelet in intersection.lanelets:
+        if lanelet.kind == "approach":
+            approaches[str(lanelet.leg)].append(lanelet)
     junction = add(root, "intersection", id=JUNCTION)
     for k, lanes in enumerate(approaches.values(), start=1):
         incoming = add(junction, "incoming", id=JUNCTION + k)

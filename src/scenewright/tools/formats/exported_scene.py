@@ -202,14 +202,14 @@ class ExportedScene:
     @cached_property
     def events(self) -> tuple[EventRecord, ...]:
         """The events of the scene, and as collisions who drives into an object or its door."""
-        ids = {each.name: each.id for each in self.objects}
+        ids = {scene_object.name: scene_object.id for scene_object in self.objects}
         tracks = {agent.id: agent for agent in self.record.agents}
         hits = []
-        for each in self.record.encounters:
-            if has_trait("encounter", each.how, "ends") and each.object in ids:
-                agent = tracks[each.agent]
+        for encounter in self.record.encounters:
+            if has_trait("encounter", encounter.how, "ends") and encounter.object in ids:
+                agent = tracks[encounter.agent]
                 end = agent.spawn_time + (len(agent.trajectory) - 1) * self.step
-                to = ids.get(name_door(each.object), ids[each.object])
+                to = ids.get(name_door(encounter.object), ids[encounter.object])
                 hits.append(EventRecord.model_validate({
                     "type": "collision", "from": agent.id, "to": to, "time": end,
                     "location": agent.trajectory[-1],
@@ -219,7 +219,7 @@ class ExportedScene:
     @cached_property
     def collided(self) -> frozenset[int]:
         """Ids of those that a collision ends, and of objects that are driven into."""
-        rows = [each for each in self.events if each.type == "collision"]
+        rows = [event for event in self.events if event.type == "collision"]
         return frozenset(n for row in rows for n in (row.from_, row.to) if n is not None)
 
     def list_colours(self) -> Mapping[str, list[Colour | None]]:
@@ -235,7 +235,7 @@ class ExportedScene:
 
     def list_lane_lights(self) -> list[tuple[str, Point, list[Colour | None]]]:
         """Id, end and colours at every step of each lane that ends at a stop line with a light."""
-        ends = {each.id: each.centreline[-1] for each in self.intersection_map.lanelets}
+        ends = {lanelet.id: lanelet.centreline[-1] for lanelet in self.intersection_map.lanelets}
         colours = self.list_colours()
         return [
             (lane, ends[lane], colours[line.id])
@@ -254,10 +254,13 @@ class ExportedScene:
         Absent agents are dropped; before and after the scene only objects are there.
         """
         agents = tuple(
-            a for a in (each.shift(start, steps) for each in self.agents) if a is not None
+            a for a in (agent.shift(start, steps) for agent in self.agents) if a is not None
         )
-        (ego,) = (each for each in agents if each.id == self.ego.id)
-        firsts = [max(each.first - start, 0) if each.first else 0 for each in self.objects]
+        (ego,) = (agent for agent in agents if agent.id == self.ego.id)
+        firsts = [
+            max(scene_object.first - start, 0) if scene_object.first else 0
+            for scene_object in self.objects
+        ]
         rows = zip(self.objects, firsts, strict=True)
         objects = tuple(each.hold(first, steps) for each, first in rows if first < steps)
         return replace(
@@ -282,7 +285,7 @@ class ExportedScene:
 
     def find_event_step(self) -> int:
         """Step of the first collision, else of the first event, else the middle of the scene."""
-        events = [each for each in self.events if each.time is not None]
+        events = [event for event in self.events if event.time is not None]
         first = min(events, key=lambda each: (each.type != "collision", each.time), default=None)
         return self.steps // 2 if first is None else round((first.time or 0.0) / self.step)
 
@@ -311,10 +314,10 @@ def prepare_scene(
         InputError: no agents, no such ego, or a kind of road user that no format knows.
     """
     step = record.meta.step
-    agents = tuple(ExportedAgent.build_from_record(each, step) for each in record.agents)
+    agents = tuple(ExportedAgent.build_from_record(agent, step) for agent in record.agents)
     if not agents:
         raise InputError(f"scene {record.meta.scene_id[:40]} has no agents to export")
-    steps = max(round(record.meta.duration / step), *(each.last for each in agents)) + 1
+    steps = max(round(record.meta.duration / step), *(agent.last for agent in agents)) + 1
     # A name that any file system takes.
     clean = re.sub(r"[^A-Za-z0-9._-]", "_", name or record.meta.scene_id)[:80].lstrip(".")
     first = max(agent.id for agent in agents) + 1

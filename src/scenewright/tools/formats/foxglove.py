@@ -73,10 +73,12 @@ def _build_schema(kind: str) -> dict[str, Any]:
 
 
 def _list_messages(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, Any]]]:
-    lines = [(each.id, "lane", each.centreline) for each in scene.intersection_map.lanelets]
+    lines = [
+        (lanelet.id, "lane", lanelet.centreline) for lanelet in scene.intersection_map.lanelets
+    ]
     lines += [
-        (each.id, "crosswalk", (*each.polygon, each.polygon[0]))
-        for each in scene.intersection_map.crosswalks
+        (crosswalk.id, "crosswalk", (*crosswalk.polygon, crosswalk.polygon[0]))
+        for crosswalk in scene.intersection_map.crosswalks
     ]
     yield "/map", 0, {"deletions": [], "entities": [_describe_line(*line) for line in lines]}
     for k, time in enumerate(scene.times.tolist()):

@@ -18,13 +18,13 @@ _SIDES: tuple[Side, Side] = ("left", "right")
 
 def number_lanes(intersection: IntersectionMap) -> dict[str, int]:
     """Number of every lane that is driven on, by the lanelet's id."""
-    lanes = [each.id for each in intersection.lanelets if each.kind != "parking"]
+    lanes = [lanelet.id for lanelet in intersection.lanelets if lanelet.kind != "parking"]
     return {name: number for number, name in enumerate(lanes, start=1)}
 
 
 def list_predecessors(intersection: IntersectionMap) -> dict[str, list[str]]:
     """The lanes that lead to each lane."""
-    before: dict[str, list[str]] = {each.id: [] for each in intersection.lanelets}
+    before: dict[str, list[str]] = {lanelet.id: [] for lanelet in intersection.lanelets}
     for lanelet in intersection.lanelets:
         for name in lanelet.successors:
             before[name].append(lanelet.id)
@@ -64,6 +64,6 @@ def list_points(points: Iterable[Sequence[float]]) -> list[dict[str, float]]:
 
 def find_light_places(intersection: IntersectionMap) -> dict[str, FloatArray]:
     """[2] the middle of every stop line and crosswalk by its id [m]."""
-    lines = {each.id: each.line for each in intersection.stop_lines}
-    lines |= {each.id: each.centreline for each in intersection.crosswalks}
+    lines = {line.id: line.line for line in intersection.stop_lines}
+    lines |= {crosswalk.id: crosswalk.centreline for crosswalk in intersection.crosswalks}
     return {name: np.asarray(np.mean(line, axis=0)) for name, line in lines.items()}

@@ -96,7 +96,11 @@ def write_opendrive(intersection_map: IntersectionMap) -> bytes:
         for number, group in enumerate(intersection_map.signals.groups, start=2000):
             # The lights that always show the same.
             controller = add(root, "controller", id=number, name=group.id, sequence=0)
-            own = [each for each in intersection_map.movements if each.id in group.movements]
+            own = [
+                movement
+                for movement in intersection_map.movements
+                if movement.id in group.movements
+            ]
             for name in sorted({each.stop_line for each in own}) + sorted(group.crosswalks):
                 add(controller, "control", signalId=ids[name])
     # Every way from an approach into the junction.
@@ -116,30 +120,30 @@ def number_signals(intersection_map: IntersectionMap) -> dict[str, int]:
     """Number of the signal of every stop line and crosswalk, by its id in the map."""
     if intersection_map.signals is None:
         return {}
-    names = [each.id for each in intersection_map.stop_lines]
-    names += [each.id for each in intersection_map.crosswalks]
+    names = [line.id for line in intersection_map.stop_lines]
+    names += [crosswalk.id for crosswalk in intersection_map.crosswalks]
     return {name: number for number, name in enumerate(names, start=1)}
 
 
 def make_roads(intersection_map: IntersectionMap) -> dict[str, Road]:
     """The roads of a map by the ids of their lanelets."""
-    lanelets = [each for each in intersection_map.lanelets if each.kind != "parking"]
+    lanelets = [lanelet for lanelet in intersection_map.lanelets if lanelet.kind != "parking"]
     before, lane = list_predecessors(intersection_map), -1
     sides: tuple[Side, Side] = ("left", "right")
     if intersection_map.left_hand_traffic:
         sides, lane = ("right", "left"), 1
     numbers = number_lanes(intersection_map)
     roads: dict[str, Road] = {}
-    for each in sorted(lanelets, key=lambda one: one.kind == "connector"):
-        count = 2 if len(each.left) == len(each.right) == 2 else _STATIONS
+    for lanelet in sorted(lanelets, key=lambda one: one.kind == "connector"):
+        count = 2 if len(lanelet.left) == len(lanelet.right) == 2 else _STATIONS
         line, other = (
-            resample_to_count(drop_doubled_points(np.array(getattr(each, side))), count)
+            resample_to_count(drop_doubled_points(np.array(getattr(lanelet, side))), count)
             for side in sides
         )
-        start = next((roads[name] for name in before[each.id] if name in roads), None)
-        end = next((roads[name] for name in each.successors if name in roads), None)
-        roads[each.id] = _make_road(numbers[each.id], each, line, other, lane, start, end)
-    return {each.id: roads[each.id] for each in lanelets}
+        start = next((roads[name] for name in before[lanelet.id] if name in roads), None)
+        end = next((roads[name] for name in lanelet.successors if name in roads), None)
+        roads[lanelet.id] = _make_road(numbers[lanelet.id], lanelet, line, other, lane, start, end)
+    return {lanelet.id: roads[lanelet.id] for lanelet in lanelets}
 
 
 def _make_road(
@@ -240,8 +244,8 @@ def _add_objects(
     """Crosswalks and signals, each on the first approach lane that it belongs to."""
     if road.lanelet.kind != "approach":
         return
-    lanes = [each for each in intersection_map.lanelets if each.kind == "approach"]
-    first = next(each.id for each in lanes if each.leg == road.lanelet.leg) == road.lanelet.id
+    lanes = [lanelet for lanelet in intersection_map.lanelets if lanelet.kind == "approach"]
+    first = next(lane.id for lane in lanes if lane.leg == road.lanelet.leg) == road.lanelet.id
     crosswalks = [c for c in intersection_map.crosswalks if first and c.leg == road.lanelet.leg]
     objects = add(element, "objects")
     for number, crosswalk in enumerate(crosswalks, start=1):
@@ -249,8 +253,8 @@ def _add_objects(
     signals, ids = add(element, "signals"), number_signals(intersection_map)
     lines = [s for s in intersection_map.stop_lines if s.lanelets[0] == road.lanelet.id]
     # The light of a stop line beside it, of a crosswalk at its middle.
-    marks = [(each.id, VEHICLE_LIGHT, each.line) for each in lines]
-    marks += [(each.id, PEDESTRIAN_LIGHT, each.centreline) for each in crosswalks]
+    marks = [(line.id, VEHICLE_LIGHT, line.line) for line in lines]
+    marks += [(crosswalk.id, PEDESTRIAN_LIGHT, crosswalk.centreline) for crosswalk in crosswalks]
     for name, kind, line in marks if ids else ():
         s, t, _ = road.locate(_find_middle(line))
         add(

@@ -108,7 +108,7 @@ def _list_parameters(scene: ExportedScene) -> dict[str, float]:
     users = [agent for agent in scene.agents if agent.role == "foreground"]
     found = {name_parameter("speed", agent): 1.0 for agent in users}
     late = [
-        each for each in users if each.first > 0 and isinstance(_find_starter(each, scene), str)
+        user for user in users if user.first > 0 and isinstance(_find_starter(user, scene), str)
     ]
     return found | {name_parameter("start", each): float(each.times[0]) for each in late}
 
@@ -563,7 +563,7 @@ def _read_vertices(event: _Element, follow: _Element, name: str) -> tuple[FloatA
         for k, axis in enumerate(("x", "y", "h")):
             if axis != "h" or place.get("h") is not None:
                 row[k] = parse_number(place.get(axis), name=name, what=axis)
-    t = np.array([parse_number(each.get("time"), name=name, what="time") for each in vertices])
+    t = np.array([parse_number(vertex.get("time"), name=name, what="time") for vertex in vertices])
     timing = follow.find("TimeReference/Timing")
     if timing is None:
         raise InputError(f"{name}: the trajectory has no timing, so where it is when is open")

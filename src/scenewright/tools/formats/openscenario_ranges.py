@@ -72,7 +72,7 @@ def _add_spread(parent: ElementTree.Element, spread: Spread, unit: float) -> Non
             add(add(parent, "UniformDistribution"), "Range", lowerLimit=ends[0],
                 upperLimit=ends[-1])  # fmt: skip
         case "normal":
-            mean, deviation = (float(each) / unit for each in spread.values)
+            mean, deviation = (float(value) / unit for value in spread.values)
             of = add(parent, "NormalDistribution", expectedValue=round(mean, 6),
                      variance=round(deviation**2, 6))  # fmt: skip
             add(of, "Range", lowerLimit=ends[0], upperLimit=ends[-1])

@@ -41,25 +41,28 @@ def _build_plan(record: SceneRecord) -> dict[str, Any]:
             if agent.role == "foreground"
         ],
         "relations": [
-            {"type": RELATION_OF_EVENT[each.type], "from": names[each.from_], "to": names[each.to]}
-            | _list_set(each, _OF_RELATION)
+            {"type": RELATION_OF_EVENT[relation.type],
+             "from": names[relation.from_], "to": names[relation.to]}
+            | _list_set(relation, _OF_RELATION)
             | {
                 key: names[number]
                 for key, number in (
-                    ("braker", each.cause_agent), ("first", each.first), ("strikes", each.strikes)
+                    ("braker", relation.cause_agent), ("first", relation.first),
+                    ("strikes", relation.strikes),
                 )
                 if number is not None
             }
-            for each in record.relations
+            for relation in record.relations
         ],
         "ties": [
-            {"agent": names[each.agent], "of": names[each.of], "side": each.side}
-            for each in record.ties
+            {"agent": names[tie.agent], "of": names[tie.of], "side": tie.side}
+            for tie in record.ties
         ],
         "measures": [
-            {"kind": each.kind, "agent": names[each.agent], "low": each.low, "high": each.high}
-            | ({} if each.other is None else {"other": names[each.other]})
-            for each in record.measures
+            {"kind": measure.kind, "agent": names[measure.agent],
+             "low": measure.low, "high": measure.high}
+            | ({} if measure.other is None else {"other": names[measure.other]})
+            for measure in record.measures
         ],
         "context": {"time_of_day": record.meta.time_of_day}
         | ({"density": record.meta.density} if record.meta.density else {}),

@@ -88,7 +88,7 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[Topic, int, bytes]]:
     users = [*scene.agents, *scene.objects]
     for k, time in enumerate(scene.times.tolist()):
         nanos = round(time * 1e9)
-        there = [each for each in users if each.first <= k <= each.last]
+        there = [user for user in users if user.first <= k <= user.last]
         message = load_osi_classes()["GroundTruth"](
             version=VERSION,
             timestamp={"seconds": nanos // 10**9, "nanos": nanos % 10**9},

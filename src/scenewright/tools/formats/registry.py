@@ -125,6 +125,6 @@ def read_scenarios(data: bytes, *, name: str, **options: Any) -> list[SampledRec
         )
     require_extra("exports", f"reading {name}", *chosen.packages)
     recordings: list[SampledRecording] = chosen.load("read")(data, name=name, **options)
-    if not any(each.agents for each in recordings):
+    if not any(recording.agents for recording in recordings):
         raise InputError(f"{name} holds no tracks of road users")
     return recordings

@@ -124,17 +124,17 @@ def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
     before = list_predecessors(intersection)
     features: list[dict[str, Any]] = [
         {
-            "id": numbers[each.id],
+            "id": numbers[lanelet.id],
             "lane": {
-                "speed_limit_mph": each.speed_limit / MPH,
+                "speed_limit_mph": lanelet.speed_limit / MPH,
                 "type": _SURFACE_STREET,
-                "polyline": list_points(each.centreline),
-                "entry_lanes": [numbers[name] for name in before[each.id]],
-                "exit_lanes": [numbers[name] for name in each.successors],
+                "polyline": list_points(lanelet.centreline),
+                "entry_lanes": [numbers[name] for name in before[lanelet.id]],
+                "exit_lanes": [numbers[name] for name in lanelet.successors],
             },
         }
-        for each in intersection.lanelets
-        if each.id in numbers
+        for lanelet in intersection.lanelets
+        if lanelet.id in numbers
     ]
     rings = [ring for area in intersection.road for ring in (area.exterior, *area.holes)]
     areas: list[dict[str, Any]] = [
@@ -235,7 +235,7 @@ def _read_example_tracks(tensors: _Tensors, name: str) -> SampledRecording:
         InputError: a tensor is missing, or not of the size that the dataset has.
     """
     objects = len(tensors["state/id"])
-    states = {each: _join(tensors, each, objects, name) for each in STATES}
+    states = {state: _join(tensors, state, objects, name) for state in STATES}
     kinds = _get(tensors, "state/type", objects, name)
     table, left_out = SampleTable(name), Counter[str]()
     for k, number in enumerate(tensors["state/id"]):
@@ -415,7 +415,7 @@ def _choose_objects(scene: ExportedScene) -> list[ExportedAgent]:
 
 def _sample_map(features: list[dict[str, Any]]) -> _Tensors:
     """The polylines and outlines of the map as points with directions, padded."""
-    parts = [_sample_feature(each) for each in features]
+    parts = [_sample_feature(feature) for feature in features]
     rows = np.concatenate(parts)[:POINTS] if parts else np.zeros((0, 6))
     padded = np.full((POINTS, 6), float(_NOTHING))
     padded[: len(rows)] = rows
@@ -435,7 +435,7 @@ def _sample_feature(feature: dict[str, Any]) -> FloatArray:
     """[P, 6] x, y, direction x, y to the next point, type, id of one feature."""
     kind = next(name for name in _MAP_TYPES if name in feature)
     points = feature[kind].get("polyline") or feature[kind]["polygon"]
-    line = np.array([(each["x"], each["y"]) for each in points])
+    line = np.array([(point["x"], point["y"]) for point in points])
     if kind == "crosswalk":
         line = np.concatenate([line, line[:1]])
     line = resample_by_spacing(line, SPACING)

@@ -123,7 +123,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
         untied = alone.model_copy(update={"ties": ()})
         if graph.ties and _is_playable(untied, grounding, intersection_map):
             ties = " and ".join(
-                f"{each.agent} comes from {_SIDE_WORDS[each.side]} {each.of}" for each in graph.ties
+                f"{tie.agent} comes from {_SIDE_WORDS[tie.side]} {tie.of}" for tie in graph.ties
             )
             detail = f"'{_format_edge(edge)}' cannot happen where {ties}"
         else:
@@ -171,7 +171,7 @@ def find_asked_runners(graph: SocialGraph) -> frozenset[str]:
 
 def list_unasked_runners(graph: SocialGraph, assignment: RoleAssignment) -> list[str]:
     """Agents that run a red light in an assignment though the request does not say so."""
-    runners = {each.violator for each in assignment.patterns if each.violator is not None}
+    runners = {pattern.violator for pattern in assignment.patterns if pattern.violator is not None}
     return sorted(runners - find_asked_runners(graph))
 
 
@@ -231,20 +231,22 @@ def count_signal_conflicts(cast: RoleAssignment, *, intersection_map: Intersecti
     of the lights leave a little room for exceptions, so that such a cast is not hopeless. Nor is
     one in which a pedestrian would give way from the kerb on the far side of the roadway.
     """
-    runs = {each.violator for each in cast.patterns} - {None}
+    runs = {pattern.violator for pattern in cast.patterns} - {None}
     odd = 0
-    for each in cast.patterns:
-        pair = [cast.routes[name] for name in (each.from_, each.to) if name not in runs]
+    for pattern in cast.patterns:
+        pair = [cast.routes[name] for name in (pattern.from_, pattern.to) if name not in runs]
         if len(pair) == 2:
             odd += not share_green(*pair, intersection_map=intersection_map)
         elif len(pair) == 1:
-            (runner,) = {each.from_, each.to} & runs
+            (runner,) = {pattern.from_, pattern.to} & runs
             odd += not _is_red_at_green(
                 cast.routes[runner], pair[0], intersection_map=intersection_map
             )
-        if get_pattern(each.pattern).relation == "yield_to":
+        if get_pattern(pattern.pattern).relation == "yield_to":
             odd += not _is_kerb_near(
-                cast.routes[each.from_], cast.routes[each.to], intersection_map=intersection_map
+                cast.routes[pattern.from_],
+                cast.routes[pattern.to],
+                intersection_map=intersection_map,
             )
     return odd
 
@@ -262,9 +264,9 @@ def _is_kerb_near(walker: Route, other: Route, *, intersection_map: Intersection
     ahead = (beyond - kerb) / np.hypot(*(beyond - kerb))
     both = {walker.zone_key, other.zone_key}
     zones = [
-        each.polygon
-        for each in intersection_map.conflict_zones
-        if {each.first, each.second} == both
+        zone.polygon
+        for zone in intersection_map.conflict_zones
+        if {zone.first, zone.second} == both
     ]
     ways = [float(((np.array(zone) - kerb) @ ahead).min()) for zone in zones]
     return not ways or min(ways) <= _FROM_THE_KERB
@@ -520,11 +522,11 @@ def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, s
     if pattern.relation in _SYMMETRIC and not is_stated and not ridden:
         orders.append((edge.to, edge.from_))  # no phrase says which agent does it to which
     return [
-        each
-        for each in orders
+        order
+        for order in orders
         if None in (edge.first, pattern.order)
-        or edge.first == each[("from", "to").index(str(pattern.order))]
-        if keeps_striker(edge, pattern, each)
+        or edge.first == order[("from", "to").index(str(pattern.order))]
+        if keeps_striker(edge, pattern, order)
     ]
 
 
@@ -636,9 +638,9 @@ def _do_walks_meet(pattern: Pattern, a: Route, b: Route, intersection_map: Inter
 
 def _find_kerb(route: Route, side: Compass, intersection_map: IntersectionMap) -> FloatArray:
     """The end of a route's crosswalk on a side [m]; NaN where it has none."""
-    for each in intersection_map.crosswalks:
-        if each.leg == route.crosswalk and side in each.sides:
-            return np.array(each.centreline[each.sides.index(side)])
+    for crosswalk in intersection_map.crosswalks:
+        if crosswalk.leg == route.crosswalk and side in crosswalk.sides:
+            return np.array(crosswalk.centreline[crosswalk.sides.index(side)])
     return np.full(2, np.nan)
 
 
@@ -652,7 +654,7 @@ def _share_a_lane(a: Route, b: Route, intersection_map: IntersectionMap) -> bool
     if None in lanes:
         return True
     approaches = {lane.id for lane in intersection_map.lanelets if lane.kind == "approach"}
-    first, second = (approaches.intersection(each.lanelets) for each in lanes if each)
+    first, second = (approaches.intersection(lane.lanelets) for lane in lanes if lane)
     return bool(first & second)
 
 

@@ -25,14 +25,14 @@ def can_hide(
     come onto the road from that side: on the leg by which the vehicle enters; between crossings, or
     where the vehicle turns to that side and one object suffices, also on that by which it leaves.
     """
-    gaps = {each.beyond for each in graph.objects}
+    gaps = {scene_object.beyond for scene_object in graph.objects}
     return all(
         _is_coming_from_kerb(
-            routes[str(each.hides)], routes[str(each.hidden_from)], intersection_map,
-            between=each.id in gaps,
+            routes[str(scene_object.hides)], routes[str(scene_object.hidden_from)],
+            intersection_map, between=scene_object.id in gaps,
         )
-        for each in graph.objects
-        if each.hides in routes and each.hidden_from in routes
+        for scene_object in graph.objects
+        if scene_object.hides in routes and scene_object.hidden_from in routes
     )  # fmt: skip
 
 
@@ -75,8 +75,10 @@ def refuse_unhidden(
     Raises:
         Rejected: `ungroundable`, with the reason.
     """
-    riders = {each.id for each in graph.agents if each.type in RIDERS}
-    hiding_riders = {each.id for each in graph.objects if each.hides in riders}
+    riders = {agent.id for agent in graph.agents if agent.type in RIDERS}
+    hiding_riders = {
+        scene_object.id for scene_object in graph.objects if scene_object.hides in riders
+    }
     for node in graph.objects:
         if node.beyond in hiding_riders:
             raise Rejected(_refuse(node, "a rider comes out on a crosswalk, which has a parked "
@@ -95,7 +97,7 @@ def refuse_unhidden(
             where = f" on the {node.leg} leg" if node.leg else ""
             raise Rejected(_refuse(node, f"there is no room for a {_describe(node)}{where} at "
                                          f"{intersection_map.title}"))  # fmt: skip
-    hiding = [each for each in graph.objects if each.hides is not None]
+    hiding = [scene_object for scene_object in graph.objects if scene_object.hides is not None]
     bare = graph.model_copy(update={"objects": ()})
     if hiding and playable(bare) and not playable(graph):
         raise Rejected(

@@ -121,7 +121,7 @@ def _make_boxes(middle: FloatArray, heading: FloatArray, length: float, width: f
     along = np.stack((np.cos(heading), np.sin(heading)), axis=1) * (length / 2)
     across = np.stack((-np.sin(heading), np.cos(heading)), axis=1) * (width / 2)
     corners = (along + across, across - along, -along - across, along - across)
-    return geos.polygons(np.stack([middle + each for each in corners], axis=1))
+    return geos.polygons(np.stack([middle + corner for corner in corners], axis=1))
 
 
 def _check_ground(
@@ -142,11 +142,15 @@ def _check_ground(
 def _find_roadside(intersection_map: IntersectionMap, leg: Compass, side: Side) -> _Roadside | None:
     """The side of a leg by which vehicles come, or leave; None where none do."""
     kind = "approach" if side == "entry" else "exit"
-    lanes = [each for each in intersection_map.lanelets if (each.kind, each.leg) == (kind, leg)]
+    lanes = [
+        lanelet
+        for lanelet in intersection_map.lanelets
+        if (lanelet.kind, lanelet.leg) == (kind, leg)
+    ]
     if not lanes:
         return None
     left_hand = intersection_map.left_hand_traffic
-    bounds = [(each.right, each.left)[:: -1 if left_hand else 1] for each in lanes]
+    bounds = [(lane.right, lane.left)[:: -1 if left_hand else 1] for lane in lanes]
     offsets = np.array(
         [[_measure_offset(np.array(b), lanes[0], left_hand) for b in pair] for pair in bounds]
     )
