@@ -45,19 +45,19 @@ def _count_resolved(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     allowed = [each["came_about"] for each in asked if each["allowed"]]
     if not asked:
         return {}
-    found: dict[str, Any] = {"not_allowed_by_physics": len(asked) - len(allowed)}
+    resolved: dict[str, Any] = {"not_allowed_by_physics": len(asked) - len(allowed)}
     if allowed:
-        found["resolved_where_allowed"] = describe_rate(sum(allowed), len(allowed))
-    return found
+        resolved["resolved_where_allowed"] = describe_rate(sum(allowed), len(allowed))
+    return resolved
 
 
 def describe_rate(count: int, total: int) -> dict[str, Any]:
     """A rate with its count and, of more than one, its 95 % interval."""
-    found = {"count": count, "of": total, "rate": round(count / total, 4)}
+    rate = {"count": count, "of": total, "rate": round(count / total, 4)}
     if total > 1:
         low, high = PlanningShare(count, total).interval or (0.0, 1.0)
-        found |= {"low": round(low, 4), "high": round(high, 4)}
-    return found
+        rate |= {"low": round(low, 4), "high": round(high, 4)}
+    return rate
 
 
 def summarise_rows(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -125,9 +125,9 @@ def list_test_cases(rows: Sequence[Row]) -> dict[str, list[Case]]:
                 f"{policy}.{row['kind'] or 'drive'}", row["scene"],
                 row["why"] if row["failed"] else None, row["time"],
             )
-            for row in found
+            for row in drives
         ]
-        for policy, found in group_rows(rows, "policy").items()
+        for policy, drives in group_rows(rows, "policy").items()
     }  # fmt: skip
 
 

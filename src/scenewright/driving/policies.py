@@ -194,7 +194,9 @@ class RuleBasedPolicy:
         away = ROUTE_SPACING * (np.arange(len(turn)) + 0.5)
         allowed = parameters.speed * ego[8]
         curve = np.sqrt(parameters.lateral * ROUTE_SPACING / np.maximum(turn, 1e-3))
-        reachable = np.sqrt(curve**2 + 2 * parameters.braking * np.maximum(away - ROUTE_SPACING, 0.0))
+        reachable = np.sqrt(
+            curve**2 + 2 * parameters.braking * np.maximum(away - ROUTE_SPACING, 0.0)
+        )
         desired_speed = max(min([allowed, *reachable.tolist()]), 0.5)
         if ego[0] > desired_speed:
             return float(max(-parameters.braking, (desired_speed - ego[0]) / 0.5))
@@ -203,7 +205,9 @@ class RuleBasedPolicy:
     def _slow_for(self, speed: float, gap: float, ahead: float) -> float:
         """The squared ratio of desired and actual gap of the model."""
         parameters = self.parameters
-        closing = speed * (speed - ahead) / (2 * np.sqrt(parameters.acceleration * parameters.braking))
+        closing = (
+            speed * (speed - ahead) / (2 * np.sqrt(parameters.acceleration * parameters.braking))
+        )
         desired_gap = parameters.gap + max(0.0, speed * parameters.headway + closing)
         return float((desired_gap / max(gap, 0.1)) ** 2)
 

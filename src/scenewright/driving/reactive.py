@@ -194,10 +194,10 @@ class Reactive:
     def _find_lights(self, step: int) -> FloatArray:
         """Distances [N] that delayed agents may go for red and yellow lights [m]; others obey."""
         one, state = self._one, self._state
-        found = np.full(len(one.names), np.inf)
+        lights = np.full(len(one.names), np.inf)
         late = (step - state.clock > 1.5) | self._retimed
         late &= ~one.violators & state.entered & ~state.gone
-        held = np.zeros(len(found), dtype=bool)
+        held = np.zeros(len(lights), dtype=bool)
         for j in np.flatnonzero(late):
             for light, s in one.paths[j].stops:
                 if state.s[j] > s + 0.3:
@@ -207,7 +207,7 @@ class Reactive:
                 if colour == COLOURS.index("red") or (
                     colour == COLOURS.index("yellow") and s - state.s[j] > stopping
                 ):
-                    found[j] = min(found[j], s)
+                    lights[j] = min(lights[j], s)
                     held[j] |= state.speed[j] < 0.1
         order, free = self._order, one.moves & ~state.gone & ~held
         for j in np.flatnonzero(held):  # later agents pass who stands at a red light, if they can
@@ -219,7 +219,7 @@ class Reactive:
             late = self._swapped[:, j] & ~state.entered & np.isfinite(order.limits[j]).any(axis=0)
             self._swapped[late, j] = False
         self._held = held
-        return found
+        return lights
 
     # ---- the ego -----------------------------------------------------------------------------
 

@@ -320,17 +320,17 @@ def list_meetings(scenario: Scenario) -> list[EgoConflict]:
         return []
     ids = [agent.id for agent in record.agents]
     me = ids[scenario.ego]
-    found = []
+    meetings = []
     for row in record.relations:
         if me not in (row.from_, row.to) or row.type == "follow":
             continue
         other = ids.index(row.to if row.from_ == me else row.from_)
         place = _find_place(scenario, row, other)
         if place is not None:
-            found.append(
+            meetings.append(
                 EgoConflict(other, other, *place, heeds=row.type == "yielding" and row.to == me)
             )
-    return found
+    return meetings
 
 
 def _find_place(

@@ -219,7 +219,7 @@ def find_stand_ins(
     agents, met = scenario.record.agents, {each.asked for each in list_meetings(scenario)}
     asked = agents[meeting.asked]
     place = scenario.paths[meeting.asked].get_poses(np.array([meeting.agent_at]))[0][0]
-    found = []
+    stand_ins = []
     for k, agent in enumerate(agents):
         same = (agent.type, agent.subtype, agent.route) == (asked.type, asked.subtype, asked.route)
         if not same or k == scenario.ego or k in met or scenario.violators[k]:
@@ -228,10 +228,10 @@ def find_stand_ins(
         apart = np.hypot(*(path.xy - place).T)
         at = int(np.argmin(apart))
         if apart[at] < NEAR and path.progress[max(scenario.start, path.first)] < path.arc[at]:
-            found.append(
+            stand_ins.append(
                 (abs(float(path.arrival[at]) * scenario.step - time), k, float(path.arc[at]))
             )
-    return [(k, at) for _, k, at in sorted(found)[:2]]
+    return [(k, at) for _, k, at in sorted(stand_ins)[:2]]
 
 
 def _list_met(drive: Drive) -> frozenset[str]:

@@ -455,12 +455,12 @@ def _find_priority(
     do not turn left too; without lights, those from the right.
     """
     bearings = {leg.name: leg.bearing for leg in intersection_map.legs}
-    me, found = record.agents[ego], np.zeros(count, dtype=bool)
+    me, priority = record.agents[ego], np.zeros(count, dtype=bool)
     for k, agent in enumerate(record.agents):
         if k == ego:
             continue
         if agent.crosswalk is not None:
-            found[k] = agent.movement != "jaywalking"
+            priority[k] = agent.movement != "jaywalking"
             continue
         turn = (bearings[agent.entry] - bearings[me.entry] + np.pi) % (2 * np.pi) - np.pi
         opposite = abs(turn) > np.deg2rad(135)
@@ -469,8 +469,8 @@ def _find_priority(
             from_right = np.deg2rad(-135) < turn < np.deg2rad(-45)
         across = "right" if intersection_map.left_hand_traffic else "left"
         turns = me.movement in (across, "uturn") and agent.movement not in (across, "uturn")
-        found[k] = (opposite and turns) or (from_right and not record.signals)
-    return found
+        priority[k] = (opposite and turns) or (from_right and not record.signals)
+    return priority
 
 
 def _list_map_lines(place: IntersectionMap | None) -> tuple[FloatArray, IntArray]:

@@ -236,21 +236,21 @@ class AnimatedScene:
         return next(free, whole[0])
 
     def _place_event_marks(self) -> list[EventMark]:
-        found: list[EventMark] = []
+        event_marks: list[EventMark] = []
         for event in self.scene.events:
             if event.time is None or event.location is None:
                 continue
             spot = np.array(event.location, dtype=float)
             layout = LabelLayout(
-                Drawing(self.view, 0.0, 0.0, SIDE, SIDE), boxes=[mark.box for mark in found]
+                Drawing(self.view, 0.0, 0.0, SIDE, SIDE), boxes=[mark.box for mark in event_marks]
             )
             for motion in self.moving:
                 near = (motion.times >= event.time) & (motion.times <= event.time + FLASH)
                 layout.avoid(motion.xy[near])
             words = f"{EVENT_WORDS[event.type]} · {event.time:.1f} s"
             at = layout.reserve(words, spot, 9, (3.4, 5.0), bold=True, boxed=True)
-            found.append(EventMark(event.time, spot, words, at, layout.boxes[-1]))
-        return found
+            event_marks.append(EventMark(event.time, spot, words, at, layout.boxes[-1]))
+        return event_marks
 
 
 def _bound(outline: FloatArray) -> Box:

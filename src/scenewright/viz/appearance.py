@@ -147,14 +147,14 @@ def list_motions(scene: SceneRecord) -> list[DrawnMotion]:
     """All agents as arrays, background first, so that the foreground is drawn on top."""
     shades, called = choose_colours(scene), call_agents(scene)
     ordered = sorted(scene.agents, key=lambda agent: (agent.role == "foreground", agent.id))
-    found = []
+    motions = []
     for agent in ordered:
         if not agent.trajectory:
             continue
         xy = np.array(agent.trajectory, dtype=float).reshape(-1, 2)
         times = agent.spawn_time + scene.meta.step * np.arange(len(xy), dtype=np.float64)
         steps = np.gradient(xy, scene.meta.step, axis=0) if len(xy) > 1 else np.zeros_like(xy)
-        found.append(
+        motions.append(
             DrawnMotion(
                 agent=agent,
                 times=times,
@@ -166,7 +166,7 @@ def list_motions(scene: SceneRecord) -> list[DrawnMotion]:
                 called=called[agent.id],
             )
         )
-    return found
+    return motions
 
 
 def _is_obstacle(number: int, end: float, events: Iterable[EventRecord]) -> bool:

@@ -41,10 +41,10 @@ def draw_basemap(axes: Drawing, intersection: IntersectionMap, *, night: bool = 
     bars = [bar for walk in intersection.crosswalks for bar in build_crosswalk_bars(walk)]
     axes.draw(bars, closed=True, fill=PAINT)
     thin, dash = max(0.15 * axes.scale, 0.5), 2.0 * axes.scale
-    found = find_painted_bounds(intersection)
-    axes.draw(found["divider"], stroke=PAINT, stroke_width=thin, stroke_dasharray=dash)
-    axes.draw(found["edge"], stroke=PAINT, stroke_width=thin)
-    axes.draw(found["median"], stroke=MEDIAN, stroke_width=1.4 * thin)
+    bounds = find_painted_bounds(intersection)
+    axes.draw(bounds["divider"], stroke=PAINT, stroke_width=thin, stroke_dasharray=dash)
+    axes.draw(bounds["edge"], stroke=PAINT, stroke_width=thin)
+    axes.draw(bounds["median"], stroke=MEDIAN, stroke_width=1.4 * thin)
     stops = [line.line for line in intersection.stop_lines]
     axes.draw(stops, stroke=PAINT, stroke_width=max(0.5 * axes.scale, 1.0))
     if night:

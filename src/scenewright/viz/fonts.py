@@ -102,5 +102,5 @@ def _list_installed_fonts() -> tuple[str, ...]:
         return any(word in name for word in _LAST_CHOICE), name
 
     # The font of last resort has a box for every character.
-    found = (file for file in list_files() if not file.name.startswith("LastResort"))
-    return tuple(map(str, sorted(found, key=rank)[:_MOST_FONTS]))
+    installed_fonts = (file for file in list_files() if not file.name.startswith("LastResort"))
+    return tuple(map(str, sorted(installed_fonts, key=rank)[:_MOST_FONTS]))

@@ -23,7 +23,7 @@ def find_painted_bounds(intersection: IntersectionMap) -> dict[str, list[FloatAr
         if lane.kind in ("approach", "exit")
         for bound in (lane.left, lane.right)
     ]
-    found: dict[str, list[FloatArray]] = {"median": [], "divider": [], "edge": []}
+    painted_bounds: dict[str, list[FloatArray]] = {"median": [], "divider": [], "edge": []}
     for lane, line in bounds:
         middle = find_midpoint(line)
         others = [
@@ -31,10 +31,10 @@ def find_painted_bounds(intersection: IntersectionMap) -> dict[str, list[FloatAr
             if other.leg == lane.leg and other is not lane and _measure_distance(middle, its) < 0.4
         ]  # fmt: skip
         if others:
-            found["divider" if lane.kind in others else "median"].append(line)
+            painted_bounds["divider" if lane.kind in others else "median"].append(line)
         elif all(_measure_distance(middle, ring) >= 0.6 for ring in closed):
-            found["edge"].append(line)
-    return {kind: _drop_repeats(lines) for kind, lines in found.items()}
+            painted_bounds["edge"].append(line)
+    return {kind: _drop_repeats(lines) for kind, lines in painted_bounds.items()}
 
 
 def find_midpoint(line: FloatArray) -> FloatArray:

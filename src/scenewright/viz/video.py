@@ -54,12 +54,12 @@ def find_ffmpeg() -> str:
     try:
         import imageio_ffmpeg
     except ImportError:
-        found = shutil.which("ffmpeg")
-        if found is None:
+        ffmpeg = shutil.which("ffmpeg")
+        if ffmpeg is None:
             raise InputError(
                 "an MP4 needs ffmpeg; pip install 'scenewright[video]' installs it"
             ) from None
-        return found
+        return ffmpeg
     return str(imageio_ffmpeg.get_ffmpeg_exe())
 
 

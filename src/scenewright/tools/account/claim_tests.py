@@ -744,8 +744,8 @@ class DensityTest:
 
 def check_priority(facts: SceneFacts, _binding: Binding) -> Result:
     """Whether anyone gives way."""
-    found = any(e.type == "yielding" for e in facts.proof.events)
-    return Result(True, "one gives way") if found else UNTESTED
+    priority = any(e.type == "yielding" for e in facts.proof.events)
+    return Result(True, "one gives way") if priority else UNTESTED
 
 
 def find_motion(facts: SceneFacts, value: str) -> list[int]:

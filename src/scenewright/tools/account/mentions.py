@@ -52,41 +52,43 @@ class Mention:
 
 def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
     """All mentions in order; "a boy on a bike" is one."""
-    found: list[Mention] = []
+    mentions: list[Mention] = []
     n = 0
     while n < len(tokens):
         mention = _read_noun(tokens, n) or _read_pronoun(tokens, n) or _read_bound(tokens, n)
         if mention is None:
             n += 1
             continue
-        if found and found[-1].label and tokens[mention.start - 1].text == "(":
-            mention = replace(mention, label=found[-1].label)  # "vehicle 1 (eastbound car)"
+        if mentions and mentions[-1].label and tokens[mention.start - 1].text == "(":
+            mention = replace(mention, label=mentions[-1].label)  # "vehicle 1 (eastbound car)"
         cycles = mention.stop < len(tokens) and tokens[mention.stop].stem in _CYCLES
         if cycles and "pedestrian" in mention.classes:  # "a woman cycling to work"
             mention = replace(mention, classes=frozenset({"cyclist"}))
         stem = tokens[mention.head].stem
-        for person in (m for m in found if mention.definite and m.nouns):
+        for person in (m for m in mentions if mention.definite and m.nouns):
             if tokens[person.nouns[0]].stem == stem:  # "a man on a bike ... the man"
                 mention = replace(mention, classes=mention.classes | person.classes)
-        if tokens[mention.head].text == "bike" and any("motorcycle" in m.classes for m in found):
+        if tokens[mention.head].text == "bike" and any("motorcycle" in m.classes for m in mentions):
             mention = replace(mention, classes=mention.classes | {"motorcycle"})
         if mention.pronoun and tokens[n].is_in("of_persons"):
-            persons = [m.classes for m in found if m.classes & (_RIDERS | {"pedestrian"})]
+            persons = [m.classes for m in mentions if m.classes & (_RIDERS | {"pedestrian"})]
             if persons and not any(token.is_in("drivers") for token in tokens):
                 mention = replace(mention, classes=frozenset().union(*persons))
         alone = mention.pronoun and tokens[n].text == "another"
-        if found and alone and tokens[n - 1].text not in ("one", "after"):  # "a car hits another"
-            mention = replace(mention, classes=found[-1].classes, pronoun=False, nouns=(n,))
-        if found and _is_ridden(tokens, found[-1], mention):
-            person = found[-1]
-            found[-1] = replace(
+        if (
+            mentions and alone and tokens[n - 1].text not in ("one", "after")
+        ):  # "a car hits another"
+            mention = replace(mention, classes=mentions[-1].classes, pronoun=False, nouns=(n,))
+        if mentions and _is_ridden(tokens, mentions[-1], mention):
+            person = mentions[-1]
+            mentions[-1] = replace(
                 person, classes=mention.classes, stop=mention.stop, head=mention.head,
                 nouns=(*person.nouns, *mention.nouns), label=mention.label,
             )  # fmt: skip
         else:
-            found.append(mention)
+            mentions.append(mention)
         n = mention.stop
-    return tuple(found)
+    return tuple(mentions)
 
 
 def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:

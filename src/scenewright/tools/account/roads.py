@@ -22,7 +22,7 @@ def name_roads(
     names = _list_names(intersection_map)
     starts = {"", *(name.partition(" ")[0] for name in names)}  # "" of an article or a stop
     starts |= {"street"} if "saint" in starts else set()  # "St" alone
-    found: list[Token] = []
+    roads: list[Token] = []
     places: list[int] = []  # where each token went
     at = 0
     while at < len(tokens):
@@ -40,17 +40,17 @@ def name_roads(
                     senses={f"road.{'|'.join(legs)}": (at, at + length)}, phrase=None, mended=None,
                 )  # fmt: skip
                 break
-        places += [len(found)] * many
-        found.append(token)
+        places += [len(roads)] * many
+        roads.append(token)
         at += many
-    places.append(len(found))
+    places.append(len(roads))
     return tuple(
         replace(
             each,
             senses={name: (places[a], places[b]) for name, (a, b) in each.senses.items()},
             phrase=each.phrase and (each.phrase[0], places[each.phrase[1]], places[each.phrase[2]]),
         )
-        for each in found
+        for each in roads
     )
 
 

@@ -39,35 +39,35 @@ _FACTORS = {
 def read_claims(tokens: Sequence[Token], mentions: Sequence[Mention]) -> list[Claim]:
     """All claims of a text; one word may have several."""
     finder = PartyFinder(tokens, mentions)
-    found: list[Claim] = []
+    claims: list[Claim] = []
     for index in range(len(mentions)):
-        found += _read_mention(finder, index)
+        claims += _read_mention(finder, index)
     for span in finder.events:
-        found += read_event(finder, span)
+        claims += read_event(finder, span)
     nouns = {n for m in mentions for n in m.nouns}
     for n, token in enumerate(tokens):
-        found += _read_time(tokens, n)
+        claims += _read_time(tokens, n)
         if _read_minutes(tokens, n + 2) is not None:
             continue
         if token.number is not None and n not in nouns and _read_minutes(tokens, n) is None:
-            found += _read_number(finder, n, token.number)
+            claims += _read_number(finder, n, token.number)
         for sense in token.senses:
             family, _, value = sense.partition(".")
             stop = token.senses[sense][1]
             after = tokens[stop : stop + 1]
             if family in ("from_left", "from_right") and after and after[0].stem == "turn":
-                found += _read_movement(family.removeprefix("from_"))(finder, n, value)
+                claims += _read_movement(family.removeprefix("from_"))(finder, n, value)
                 continue  # "on its left turn"
             if family.startswith("from_"):
-                found += _read_point(finder, n, value)  # "hits it on its left side"
+                claims += _read_point(finder, n, value)  # "hits it on its left side"
             if reader := _READERS.get(family):
-                found += reader(finder, n, value)
+                claims += reader(finder, n, value)
     for kind, start, stop in dict.fromkeys(token.phrase for token in tokens if token.phrase):
         subjects, objects = finder.find_parties(start, stop)
         event = tests.EventTest(kind, subjects, objects, directed=False, denied=False)
         words = tuple(range(start, stop))
-        found.append(Claim("phrase", kind, words, (*subjects, *objects), event))
-    return found
+        claims.append(Claim("phrase", kind, words, (*subjects, *objects), event))
+    return claims
 
 
 def _read_time(tokens: Sequence[Token], n: int) -> Iterator[Claim]:

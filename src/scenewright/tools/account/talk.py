@@ -99,5 +99,5 @@ def _cut_part(tokens: Sequence[Token], n: int) -> Sequence[Token]:
 @cache
 def _load_weights() -> FloatArray:
     with files(__package__).joinpath(WEIGHTS).open("rb") as file:
-        found: FloatArray = np.load(file).astype(np.float32)
-    return found
+        weights: FloatArray = np.load(file).astype(np.float32)
+    return weights

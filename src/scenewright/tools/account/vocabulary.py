@@ -184,7 +184,7 @@ def read_tokens(text: str) -> tuple[Token, ...]:
 def _read_tokens(text: str, own: str | None) -> tuple[Token, ...]:
     phrases, stems = _list_phrases(own)
     plain = [each if each.stem in stems else _mend_spelling(each) for each in _cut(text)]
-    found: list[dict[str, tuple[int, int]]] = [{} for _ in plain]
+    senses_by_token: list[dict[str, tuple[int, int]]] = [{} for _ in plain]
     lengths = [0] * len(plain)
     for start, stop, senses in _match_phrases(plain):
         for n in range(start, stop):
@@ -193,12 +193,12 @@ def _read_tokens(text: str, own: str | None) -> tuple[Token, ...]:
                 continue
             if stop - start > lengths[n]:
                 lengths[n] = stop - start
-                found[n] = {}
-            found[n] |= dict.fromkeys(sorted(senses), (start, stop))
-    by_token = _find_relation_phrases(plain, phrases)
+                senses_by_token[n] = {}
+            senses_by_token[n] |= dict.fromkeys(sorted(senses), (start, stop))
+    phrases_by_token = _find_relation_phrases(plain, phrases)
     return tuple(
-        replace(each, senses=senses, phrase=by_token.get(n))
-        for n, (each, senses) in enumerate(zip(plain, found, strict=True))
+        replace(token, senses=senses, phrase=phrases_by_token.get(n))
+        for n, (token, senses) in enumerate(zip(plain, senses_by_token, strict=True))
     )
 
 
@@ -240,13 +240,14 @@ def _find_relation_phrases(
     tokens: list[Token], phrases: tuple[tuple[str, tuple[str, ...]], ...]
 ) -> dict[int, tuple[str, int, int]]:
     """Tokens that belong to a phrase of a relation file, the shipped ones and the user's."""
-    found: dict[int, tuple[str, int, int]] = {}
+    relation_phrases: dict[int, tuple[str, int, int]] = {}
     stems = [token.stem for token in tokens]
     for event, words in _list_relation_phrases(phrases):
         for n in range(len(stems) - len(words) + 1):
             if stems[n : n + len(words)] == words:
-                found |= dict.fromkeys(range(n, n + len(words)), (event, n, n + len(words)))
-    return found
+                stop = n + len(words)
+                relation_phrases |= dict.fromkeys(range(n, stop), (event, n, stop))
+    return relation_phrases
 
 
 @cache
@@ -368,9 +369,9 @@ def _is_one_slip(word: str, known: str) -> bool:
 def _find_alike(word: str) -> list[str]:
     """Known words of the same letters in another order, and long ones two slips away: "vehical"."""
     known = [w for w in load_vocabulary().spelling if w[0] == word[0] and len(word) > 4]
-    found = [w for w in known if sorted(w) == sorted(word)]
+    alike = [w for w in known if sorted(w) == sorted(word)]
     long = [w for w in known if len(word) > 6 and w[:4] == word[:4]]
-    return found or [
+    return alike or [
         w for w, *_ in process.extract(word, long, scorer=OSA.distance, score_cutoff=2)
     ]
 

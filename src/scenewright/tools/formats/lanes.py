@@ -40,13 +40,13 @@ def find_neighbours(intersection: IntersectionMap) -> dict[tuple[str, Side], tup
         np.abs(ends[:, None] - others[None]).max(axis=(2, 3)) < BESIDE
         for others in (ends, ends[:, ::-1])
     )
-    found = {}
+    neighbours = {}
     for i, j in np.argwhere(along | against).tolist():
         (name, side), (other, facing) = edges[i], edges[j]
         same = side != facing
         if name != other and (along if same else against)[i, j]:
-            found[name, side] = other, same
-    return found
+            neighbours[name, side] = other, same
+    return neighbours
 
 
 def find_crosswalk_edges(crosswalk: Crosswalk) -> FloatArray:

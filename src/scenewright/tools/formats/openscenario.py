@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -50,9 +50,18 @@ TRIGGER_RADIUS = 2.0
 """How near the ego comes to the place that sets another agent off [m]."""
 
 _Element = ElementTree.Element
-_Starter = tuple[str, FloatArray, float] | float | str
-"""A name, a point that it is to reach, and how long after that [s]; or a time [s], or the parameter
-that holds it."""
+
+
+class _Arrival(NamedTuple):
+    """So long after an agent reaches a place."""
+
+    agent_name: str
+    xy: FloatArray
+    delay: float
+
+
+_Trigger = _Arrival | float | str
+"""What starts an event: an arrival, a time [s], or the parameter that holds a time."""
 _Roads = Mapping[str, Road]
 _Way = list[tuple[Road, float]]
 """Places on the lanes that one drives on: the road and the distance along it [m]."""
@@ -106,11 +115,11 @@ def _find_clock(scene: ExportedScene) -> str:
 def _list_parameters(scene: ExportedScene) -> dict[str, float]:
     """What can vary of the foreground: a factor of speeds, and who enters by the clock when [s]."""
     users = [agent for agent in scene.agents if agent.role == "foreground"]
-    found = {name_parameter("speed", agent): 1.0 for agent in users}
+    parameters = {name_parameter("speed", agent): 1.0 for agent in users}
     late = [
-        user for user in users if user.first > 0 and isinstance(_find_starter(user, scene), str)
+        user for user in users if user.first > 0 and isinstance(_find_trigger(user, scene), str)
     ]
-    return found | {name_parameter("start", each): float(each.times[0]) for each in late}
+    return parameters | {name_parameter("start", each): float(each.times[0]) for each in late}
 
 
 def name_parameter(what: str, agent: ExportedAgent) -> str:
@@ -118,12 +127,16 @@ def name_parameter(what: str, agent: ExportedAgent) -> str:
     return f"{what}_{re.sub(r'[^A-Za-z0-9]', '_', agent.name)}"
 
 
-def _scale_speed(agent: ExportedAgent, k: int, form: str) -> float | str:
-    """The speed at a sample [m/s], of who matters in routes times its parameter."""
-    speed = round(float(agent.speed[k]), 3)
-    if form == "replay" or agent.role != "foreground":
+def _scale_speed(agent: ExportedAgent, k: int) -> float | str:
+    """The speed at a sample [m/s], of who matters times its parameter."""
+    speed = _get_speed(agent, k)
+    if agent.role != "foreground":
         return speed
     return f"${{{speed} * ${name_parameter('speed', agent)}}}"
+
+
+def _get_speed(agent: ExportedAgent, k: int) -> float:
+    return round(float(agent.speed[k]), 3)
 
 
 def _refer_to_axle(agent: ExportedAgent) -> ExportedAgent:
@@ -188,33 +201,33 @@ def _add_storyboard(root: _Element, scene: ExportedScene, form: str) -> None:
     add(daytime, "TimeOfDay", animation=False, dateTime=_find_clock(scene))
     act = add(add(board, "Story", name="story"), "Act", name="act")
     roads = make_roads(scene.intersection_map)
-    for each in scene.agents:
-        left_alone = scene.ego_named and each.id == scene.ego.id
-        way = _find_way(each, scene, roads) if left_alone or form == "reactive" else []
-        agent = _enter_on_lane(each, way[0][0]) if way and not left_alone else each
-        if agent.first == 0:
-            start = _add_start(actions, agent, way, form)
-            if left_alone:
-                _add_way(add(start, "PrivateAction"), agent, way)
-        if not left_alone:
-            _add_maneuvers(act, agent, scene, form, way)
+    for agent in scene.agents:
+        if scene.ego_named and agent.id == scene.ego.id:
+            way = _find_way(agent, scene, roads)
+            speed = _scale_speed(agent, 0) if form == "reactive" else _get_speed(agent, 0)
+            start = _add_start(actions, agent, way, speed)
+            _add_way(add(start, "PrivateAction"), agent, way)
+        elif form == "reactive":
+            _add_reactive_agent(actions, act, agent, scene, _find_way(agent, scene, roads))
+        else:
+            _add_replayed_agent(actions, act, agent, scene)
     for standing in scene.objects:
         if standing.first == 0:
-            _add_start(actions, standing, [], form)
-        elif form == "replay":  # with a track, as some players know no other way to come late
-            _add_maneuvers(act, standing, scene, form, [])
-        else:
+            _add_start(actions, standing, [], _get_speed(standing, 0))
+        elif form == "reactive":
             _add_maneuver(act, standing, float(standing.times[0]), [])
+        else:  # with a track, as some players know no other way to come late
+            _add_replayed_agent(actions, act, standing, scene)
     _add_time_trigger(add(act, "StartTrigger"), 0.0)
     end = round((scene.steps - 1) * scene.step, 3)
     _add_time_trigger(add(board, "StopTrigger"), end)
 
 
-def _add_start(actions: _Element, agent: ExportedAgent, way: _Way, form: str) -> _Element:
+def _add_start(actions: _Element, agent: ExportedAgent, way: _Way, speed: float | str) -> _Element:
     """Place and speed at time 0; the element."""
     private = add(actions, "Private", entityRef=agent.name)
     _add_place(add(add(private, "PrivateAction"), "TeleportAction"), agent, way)
-    _add_speed(add(private, "PrivateAction"), _scale_speed(agent, 0, form))
+    _add_speed(add(private, "PrivateAction"), speed)
     return private
 
 
@@ -248,41 +261,51 @@ def _add_place(parent: _Element, agent: ExportedAgent, way: _Way) -> None:
     add(place, "Orientation", type="relative", h=turn, p=0.0, r=0.0)
 
 
-def _add_maneuvers(
-    act: _Element, agent: ExportedAgent, scene: ExportedScene, form: str, way: _Way
+def _add_replayed_agent(
+    actions: _Element, act: _Element, agent: ExportedAgent, scene: ExportedScene
 ) -> None:
-    name, enters = agent.name, float(agent.times[0])
-    starter = enters if form == "replay" else _find_starter(agent, scene)
-    maneuver = _add_maneuver(act, agent, starter, way if form == "reactive" else [])
-    if form == "replay":
-        event = _add_event(maneuver, f"follow {name}", enters)
-        held = agent.id in scene.collided
-        _add_trajectory(add(event, "PrivateAction"), agent, held=held)
-        if agent.id not in scene.collided and agent.last < scene.steps - 1:
-            gone = round(float(agent.times[-1]) + agent.step, 3)
-            _add_removal(maneuver, agent, gone)
-    else:
-        event = _add_event(maneuver, f"drive {name}", starter)
-        _add_way(add(event, "PrivateAction"), agent, way)
-        event = _add_event(maneuver, f"speed {name}", starter)
-        # The agent's speed every half second and at last, which stays after a track's end.
-        action = add(event, "PrivateAction")
-        profile = add(
-            add(action, "LongitudinalAction"), "SpeedProfileAction", followingMode="position"
-        )
-        stride = max(round(SPEED_SPACING / scene.step), 1)
-        last = len(agent.xy) - 1
-        for k in sorted({*range(0, last, stride), last}):
-            wait = round(min(k, (k - 1) % stride + 1) * scene.step, 3)
-            add(profile, "SpeedProfileEntry", speed=_scale_speed(agent, k, "reactive"), time=wait)
-        end = (
-            _follow_track(agent)[0][-1] if not way else np.array(way[-1][0].lanelet.centreline[-1])
-        )
-        _add_removal(maneuver, agent, (agent.name, end, 0.0))
-        _add_stop(maneuver, agent, scene)
+    """An agent that follows its track; where no collision ends the track, it is then removed."""
+    if agent.first == 0:
+        _add_start(actions, agent, [], _get_speed(agent, 0))
+    enters = float(agent.times[0])
+    maneuver = _add_maneuver(act, agent, enters, [])
+    action = _add_triggered_action(maneuver, f"follow {agent.name}", enters)
+    collides = agent.id in scene.collided
+    _add_trajectory(add(action, "PrivateAction"), agent, held=collides)
+    if not collides and agent.last < scene.steps - 1:
+        _add_removal(maneuver, agent, round(float(agent.times[-1]) + agent.step, 3))
 
 
-def _add_maneuver(act: _Element, agent: ExportedAgent, starter: _Starter, way: _Way) -> _Element:
+def _add_reactive_agent(
+    actions: _Element, act: _Element, agent: ExportedAgent, scene: ExportedScene, way: _Way
+) -> None:
+    """An agent with a route and a profile of speeds, removed at the route's end."""
+    if way:
+        agent = _enter_on_lane(agent, way[0][0])
+    if agent.first == 0:
+        _add_start(actions, agent, way, _scale_speed(agent, 0))
+    trigger = _find_trigger(agent, scene)
+    maneuver = _add_maneuver(act, agent, trigger, way)
+    action = _add_triggered_action(maneuver, f"drive {agent.name}", trigger)
+    _add_way(add(action, "PrivateAction"), agent, way)
+    action = _add_triggered_action(maneuver, f"speed {agent.name}", trigger)
+    _add_speed_profile(add(action, "PrivateAction"), agent, scene.step)
+    end = np.array(way[-1][0].lanelet.centreline[-1]) if way else _follow_track(agent)[0][-1]
+    _add_removal(maneuver, agent, _Arrival(agent.name, end, 0.0))
+    _add_stop(maneuver, agent, scene)
+
+
+def _add_speed_profile(action: _Element, agent: ExportedAgent, step: float) -> None:
+    """The agent's speed every half second and at last, which stays after a track's end."""
+    profile = add(add(action, "LongitudinalAction"), "SpeedProfileAction", followingMode="position")
+    stride = max(round(SPEED_SPACING / step), 1)
+    last = len(agent.xy) - 1
+    for k in sorted({*range(0, last, stride), last}):
+        wait = round(min(k, (k - 1) % stride + 1) * step, 3)
+        add(profile, "SpeedProfileEntry", speed=_scale_speed(agent, k), time=wait)
+
+
+def _add_maneuver(act: _Element, agent: ExportedAgent, trigger: _Trigger, way: _Way) -> _Element:
     """The place of an agent's events, of which the first adds it if it is there only later."""
     name = agent.name
     group = add(act, "ManeuverGroup", name=f"group {name}", maximumExecutionCount=1)
@@ -290,13 +313,13 @@ def _add_maneuver(act: _Element, agent: ExportedAgent, starter: _Starter, way: _
     add(actors, "EntityRef", entityRef=name)
     maneuver = add(group, "Maneuver", name=f"maneuver {name}")
     if agent.first > 0:
-        event = _add_event(maneuver, f"enter {name}", starter)
-        entity = add(add(event, "GlobalAction"), "EntityAction", entityRef=name)
+        action = _add_triggered_action(maneuver, f"enter {name}", trigger)
+        entity = add(add(action, "GlobalAction"), "EntityAction", entityRef=name)
         _add_place(add(entity, "AddEntityAction"), agent, way)
     return maneuver
 
 
-def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Starter:
+def _find_trigger(agent: ExportedAgent, scene: ExportedScene) -> _Trigger:
     """Where the ego was when its partner in an event entered; others start by the clock."""
     pairs = [{event.from_, event.to} for event in scene.events]
     k = agent.first - scene.ego.first
@@ -304,27 +327,27 @@ def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Starter:
         # Who stands there, or creeps, is near it long before.
         near = np.hypot(*(scene.ego.xy[: k + 1] - scene.ego.xy[k]).T) <= TRIGGER_RADIUS
         wait = round((k - int(np.argmax(near))) * scene.step, 3)
-        return scene.ego.name, np.asarray(scene.ego.xy[k]), wait
+        return _Arrival(scene.ego.name, np.asarray(scene.ego.xy[k]), wait)
     if agent.role == "foreground" and agent.first > 0:
         return f"${name_parameter('start', agent)}"
     return float(agent.times[0])
 
 
-def _add_event(maneuver: _Element, name: str, starter: _Starter) -> _Element:
-    """An event with one action, and what triggers it; the action."""
+def _add_triggered_action(maneuver: _Element, name: str, trigger: _Trigger) -> _Element:
+    """The action of a new event that has no other, with what triggers it."""
     event = add(maneuver, "Event", name=name, priority="parallel", maximumExecutionCount=1)
     action = add(event, "Action", name=f"action {name}")
-    trigger = add(event, "StartTrigger")
-    if isinstance(starter, tuple):
-        _add_place_trigger(trigger, *starter)
+    start = add(event, "StartTrigger")
+    if isinstance(trigger, _Arrival):
+        _add_place_trigger(start, *trigger)
     else:
-        _add_time_trigger(trigger, starter)
+        _add_time_trigger(start, trigger)
     return action
 
 
-def _add_removal(maneuver: _Element, agent: ExportedAgent, starter: _Starter) -> None:
+def _add_removal(maneuver: _Element, agent: ExportedAgent, trigger: _Trigger) -> None:
     """An event in which the agent has left the map and disappears."""
-    action = _add_event(maneuver, f"leave {agent.name}", starter)
+    action = _add_triggered_action(maneuver, f"leave {agent.name}", trigger)
     entity = add(add(action, "GlobalAction"), "EntityAction", entityRef=agent.name)
     add(entity, "DeleteEntityAction")
 
@@ -404,13 +427,13 @@ def _list_chains(lanelets: Sequence[str], roads: _Roads) -> list[list[Road]]:
     used = [name for name in lanelets if name in roads]
     led_to = {after for name in used for after in roads[name].lanelet.successors}
     chains = [[roads[name]] for name in used if name not in led_to]
-    found = []
+    whole = []
     while chains:
         chain = chains.pop()
         after = [roads[name] for name in chain[-1].lanelet.successors if name in used]
         chains += [[*chain, each] for each in after]
-        found += [] if after else [chain]
-    return found
+        whole += [] if after else [chain]
+    return whole
 
 
 def _measure_distance(points: FloatArray, chain: Sequence[Road]) -> float:

@@ -201,9 +201,9 @@ def _read_messages(data: bytes, name: str) -> list[Any]:
             for schema, _, message in reader.iter_messages()
             if schema is not None and schema.name == "osi3.GroundTruth"
         ]
-        found = [truth.FromString(content) for content in contents]
+        messages = [truth.FromString(content) for content in contents]
     except Exception as error:  # of a damaged file each decompressor raises its own
         raise InputError(f"{name} is no MCAP file that can be read") from error
-    if not found:
+    if not messages:
         raise InputError(f"{name} has no OSI ground truth")
-    return found
+    return messages

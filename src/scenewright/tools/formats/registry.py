@@ -107,8 +107,12 @@ def find_reader(name: str, data: bytes = b"") -> Format | None:
         data: the content, which tells formats apart whose names end alike.
     """
     file = PurePath(name).name.lower()
-    found = [each for each in FORMATS.values() if each.files and re.search(f"{each.files}$", file)]
-    return found[-1] if b"<commonRoad" in data[:100_000] else next(iter(found), None)
+    readers = [
+        reader
+        for reader in FORMATS.values()
+        if reader.files and re.search(f"{reader.files}$", file)
+    ]
+    return readers[-1] if b"<commonRoad" in data[:100_000] else next(iter(readers), None)
 
 
 def read_scenarios(data: bytes, *, name: str, **options: Any) -> list[SampledRecording]:

@@ -69,18 +69,18 @@ class SampleTable:
 
     def list_agents(self) -> tuple[AgentSamples, ...]:
         """All agents in order of their first rows; sizes are the medians of their rows."""
-        found = []
+        agents = []
         for who, rows in self.agents.items():
             table = np.array(rows.values).reshape(-1, len(COLUMNS))
             length, width = (
                 None if np.isnan(v).all() else round(float(np.nanmedian(v)), 4)
                 for v in table[:, 4:].T
             )
-            found.append(AgentSamples(
+            agents.append(AgentSamples(
                 who, rows.subtype, table[:, 0], table[:, 1:3], table[:, 3], length, width,
                 lines=np.array(rows.lines) if rows.lines else None,
             ))  # fmt: skip
-        return tuple(found)
+        return tuple(agents)
 
 
 def find_fault(column: str, value: float) -> str | None:

@@ -220,12 +220,12 @@ def read_example(record: bytes) -> _Tensors | None:
         entries = load_example_class().FromString(record).features.feature
     except DecodeError:
         return None
-    found: _Tensors = {}
+    example: _Tensors = {}
     for entry in entries:
         value = entry.value
         held = value.float_list.value or value.int64_list.value or value.bytes_list.value
-        found[entry.key] = np.array(list(held))
-    return found if "state/id" in found else None
+        example[entry.key] = np.array(list(held))
+    return example if "state/id" in example else None
 
 
 def _read_example_tracks(tensors: _Tensors, name: str) -> SampledRecording:

@@ -98,13 +98,13 @@ def _begin_alike(one: ExportedScene, other: ExportedScene) -> bool:
 
 
 def _list_trajectories(scene: ExportedScene) -> list[dict[str, Any]]:
-    found = []
+    trajectories = []
     for agent in _list_present(scene):
         went = agent.continue_until(CURRENT + STEPS)
         at = np.minimum(CURRENT + 1 + np.arange(STEPS), went.last) - went.first
         (x, y), heading = went.xy[at].T, went.heading[at]
-        found.append({
+        trajectories.append({
             "object_id": agent.id, "center_x": x.tolist(), "center_y": y.tolist(),
             "center_z": [agent.height / 2] * STEPS, "heading": heading.tolist(),
         })  # fmt: skip
-    return found
+    return trajectories

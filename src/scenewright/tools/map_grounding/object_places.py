@@ -64,7 +64,7 @@ def find_places(
     if roadside is None:
         return ()
     length, width = get_size(node)
-    found: list[ObjectRecord] = []
+    places: list[ObjectRecord] = []
     inner = node.lane == ("right" if intersection_map.left_hand_traffic else "left")
     if inner and node.kind == "double_parked" and len(roadside.lanes) > 1:
         return ()
@@ -75,7 +75,7 @@ def find_places(
         if offset < 0:  # not beyond the stop line, where no vehicle waits
             fits &= _STEP * np.arange(len(middle)) >= _BEYOND + length / 2
         for (x, y), heading in zip(middle[fits], roadside.ahead[fits], strict=True):
-            found.append(
+            places.append(
                 ObjectRecord(
                     id=node.id, kind=node.kind, subtype=get_subtype(node),
                     height="high" if is_high(node) else "low", length=length, width=width,
@@ -83,7 +83,7 @@ def find_places(
                     lane=node.lane,
                 )
             )  # fmt: skip
-    return tuple(found)
+    return tuple(places)
 
 
 def _list_offsets(

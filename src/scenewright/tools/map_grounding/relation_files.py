@@ -39,13 +39,13 @@ def load_checked_patterns() -> tuple[Pattern, ...]:
     Raises:
         InputError: a file is no relation, or a clause of it is none; says which, and where.
     """
-    found = load_patterns()
+    checked_patterns = load_patterns()
     known = {id(pattern) for pattern in _checked}
-    for pattern in found:
+    for pattern in checked_patterns:
         if id(pattern) not in known:
             _check(pattern)
             _checked.append(pattern)
-    return found
+    return checked_patterns
 
 
 def _check(pattern: Pattern) -> None:

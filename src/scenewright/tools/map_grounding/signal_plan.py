@@ -178,16 +178,16 @@ def _list_stretches(
     clock: SignalClock, group: str, until: float
 ) -> list[tuple[float, float, Colour]]:
     """(start, end, colour) over [0, until], neighbouring stretches of one colour joined."""
-    found: list[tuple[float, float, Colour]] = []
+    stretches: list[tuple[float, float, Colour]] = []
     start = -(clock.offset % clock.program.cycle)
     while start < until:
         for phase in clock.program.phases:
             low, high = max(start, 0.0), min(start + phase.duration, until)
             colour = phase.colours[group]
             if high > low:
-                if found and found[-1][2] == colour:
-                    found[-1] = (found[-1][0], round(high, 3), colour)
+                if stretches and stretches[-1][2] == colour:
+                    stretches[-1] = (stretches[-1][0], round(high, 3), colour)
                 else:
-                    found.append((round(low, 3), round(high, 3), colour))
+                    stretches.append((round(low, 3), round(high, 3), colour))
             start += phase.duration
-    return found
+    return stretches
