@@ -21,8 +21,8 @@ from scenewright import synthesize
 from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
 from scenewright.intersections import load_map
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.tools.map_grounding.grounding import can_serve
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
+from scenewright.tools.map_grounding.route_meetings import can_serve
 
 WORDS = {
     "yield_to": ("yields to", "gives way to", "lets pass"),

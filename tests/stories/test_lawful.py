@@ -30,9 +30,9 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.gmm_sampler.generate import assign_foreground
-from scenewright.tools.map_grounding.grounding import (
+from scenewright.tools.map_grounding.grounding import ground_graph
+from scenewright.tools.map_grounding.role_search import (
     find_asked_runners,
-    ground_graph,
     list_unasked_runners,
     may_run_unasked,
 )

@@ -11,7 +11,7 @@ from scenewright.memory.state import SceneState
 from scenewright.nodes.agent_generator import count_samples
 from scenewright.nodes.context import RunContext
 from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
-from scenewright.tools.map_grounding.grounding import list_unasked_runners, may_run_unasked
+from scenewright.tools.map_grounding.role_search import list_unasked_runners, may_run_unasked
 
 _FINAL = ("out_of_scope", "contradictory", "impossible", "ungroundable")
 

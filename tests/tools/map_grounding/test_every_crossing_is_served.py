@@ -10,7 +10,9 @@ from scenewright.intersections import load_map
 from scenewright.scene.map import Route
 from scenewright.scene.route_table import make_route
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
-from scenewright.tools.map_grounding.grounding import ground_graph, have_conflict, is_on_side
+from scenewright.tools.map_grounding.grounding import ground_graph
+from scenewright.tools.map_grounding.role_search import is_on_side
+from scenewright.tools.map_grounding.route_meetings import have_conflict
 
 ON = load_map("amsterdam_120")
 DRIVEN = [each for each in ON.routes if each.type == "vehicle"]

@@ -14,15 +14,13 @@ from scenewright.scene.map import Route
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.route_table import make_route
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
-from scenewright.tools.map_grounding.grounding import (
-    can_serve,
+from scenewright.tools.map_grounding.grounding import ground_graph
+from scenewright.tools.map_grounding.role_search import (
     find_assignments,
     find_patterns,
-    ground_graph,
-    have_conflict,
     may_run_unasked,
-    share_green,
 )
+from scenewright.tools.map_grounding.route_meetings import can_serve, have_conflict, share_green
 
 ON = load_map("amsterdam_120")
 ROUTES = {route.id: route for route in ON.routes}

@@ -13,7 +13,8 @@ from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import AgentNode, RelationEdge, SceneContext, SocialGraph
 from scenewright.tools.fitting.custom_bundle import write_custom_bundle
 from scenewright.tools.fitting.derive_priors import derive_priors
-from scenewright.tools.map_grounding.grounding import can_serve, ground_graph
+from scenewright.tools.map_grounding.grounding import ground_graph
+from scenewright.tools.map_grounding.route_meetings import can_serve
 from scenewright.tools.map_import import import_map
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 

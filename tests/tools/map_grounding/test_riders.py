@@ -7,7 +7,8 @@ import pytest
 
 from scenewright.intersections import load_map
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.map_grounding.grounding import find_assignments, ground_graph
+from scenewright.tools.map_grounding.grounding import ground_graph
+from scenewright.tools.map_grounding.role_search import find_assignments
 
 MAP = load_map("amsterdam_120")
 

@@ -11,13 +11,13 @@ from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.scene.candidates import AssignedPattern, RoleAssignment
 from scenewright.scene.social import AgentNode, EntryTie, RelationEdge, SocialGraph
-from scenewright.tools.map_grounding.grounding import (
+from scenewright.tools.map_grounding.grounding import ground_graph
+from scenewright.tools.map_grounding.role_search import (
     count_signal_conflicts,
     find_assignments,
-    ground_graph,
     is_on_side,
-    share_green,
 )
+from scenewright.tools.map_grounding.route_meetings import share_green
 
 ON = load_map("amsterdam_120")
 ROUTES = {route.id: route for route in ON.routes}

@@ -15,7 +15,7 @@ from scenewright.scene.base import RIDERS, AgentClass, Compass, Movement
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import Pattern, Role, load_patterns
 from scenewright.scene.social import Density
-from scenewright.tools.map_grounding.grounding import list_meetings
+from scenewright.tools.map_grounding.route_meetings import list_meetings
 
 
 @dataclass(frozen=True)

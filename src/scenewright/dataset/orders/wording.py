@@ -34,7 +34,7 @@ from scenewright.errors import InputError
 from scenewright.intersections import load_map
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import Density
-from scenewright.tools.map_grounding.grounding import can_be_lawful
+from scenewright.tools.map_grounding.route_meetings import can_be_lawful
 
 BOOK = "order.jsonl"
 

@@ -20,11 +20,8 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.map_grounding.grounding import (
-    find_asked_runners,
-    find_assignments,
-    ground_graph,
-)
+from scenewright.tools.map_grounding.grounding import ground_graph
+from scenewright.tools.map_grounding.role_search import find_asked_runners, find_assignments
 
 TRIES = 6
 """Texts of one story that are read back before another story is drawn."""

@@ -26,7 +26,7 @@ from scenewright.scene.social import Plan, Refusal, RelationEdge, SocialGraph
 from scenewright.tools.account.vocabulary import read_tokens
 from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
 from scenewright.tools.map_grounding.grounding import can_ground, ground_graph
-from scenewright.tools.map_grounding.orders import keeps_striker
+from scenewright.tools.map_grounding.relation_faults import keeps_striker
 
 _STRIKES = re.compile(
     r"\b(?:hit(?:s|ting)?|str(?:ikes?|uck|iking)|ram(?:s|med|ming)?|clip(?:s|ped|ping)?|"

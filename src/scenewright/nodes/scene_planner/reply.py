@@ -40,7 +40,7 @@ from scenewright.scene.social import (
 )
 from scenewright.scene.stems import stem_word
 from scenewright.scene.track import EMERGENCY
-from scenewright.tools.map_grounding.grounding import is_on_side
+from scenewright.tools.map_grounding.role_search import is_on_side
 
 _CLOCK = "[0-2][0-9]:[0-5][0-9]"
 TIME = f"^{_CLOCK}(-{_CLOCK})?$"

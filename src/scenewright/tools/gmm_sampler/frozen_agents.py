@@ -39,7 +39,7 @@ def restrict_grounding(
     Raises:
         Rejected: `ungroundable`, as the settled routes do not allow what the graph asks for.
     """
-    from scenewright.tools.map_grounding.grounding import find_assignments
+    from scenewright.tools.map_grounding.role_search import find_assignments
 
     routes = {
         name: tuple(each for each in open_ if each == pins.routes.get(name, each))

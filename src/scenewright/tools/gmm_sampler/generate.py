@@ -121,12 +121,12 @@ def assign_foreground(
     Raises:
         Rejected: `unlawful`: in every assignment some agent runs a red light unasked.
     """
-    from scenewright.tools.map_grounding.grounding import (
+    from scenewright.tools.map_grounding.role_search import (
         count_signal_conflicts,
         find_assignments,
-        have_conflict,
         list_unasked_runners,
     )
+    from scenewright.tools.map_grounding.route_meetings import have_conflict
 
     weights = {
         route.id: math.sqrt(_get_rate(priors, route, hour)) + 1e-3

@@ -17,7 +17,7 @@ from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import GivesWay, Headway, PairClause
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.selection import Stop
-from scenewright.tools.map_grounding.grounding import share_green
+from scenewright.tools.map_grounding.route_meetings import share_green
 from scenewright.tools.map_grounding.signal_plan import SignalDemand, get_phases
 from scenewright.tools.solver.entry_times import LINE_GAP, START_LAG, build_red_light_stop
 from scenewright.tools.solver.scheduled_agent import (
