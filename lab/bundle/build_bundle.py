@@ -32,7 +32,8 @@ from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder
 from scenewright.tools.fitting.custom_bundle import find_version
 from scenewright.tools.fitting.path_frame import FLOOR
-from scenewright.tools.gmm_sampler.priors import HOURS, compute_checksum, save_priors
+from scenewright.tools.gmm_sampler.prior_files import compute_checksum, save_priors
+from scenewright.tools.gmm_sampler.priors import HOURS
 from scenewright.tools.simulation.corpus import Progress
 from scenewright.tools.simulation.sumo_run import Demand, read_demand
 

@@ -24,7 +24,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.reaction_behavior import LEVELS, Quantiles, YieldingBehavior, YieldingModel
-from scenewright.tools.gmm_sampler.priors import (
+from scenewright.tools.gmm_sampler.observed_behavior import (
     AccelerationProfile,
     AccelerationProfiles,
 )

@@ -17,8 +17,8 @@ from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.choosing import StagedBackend
 from scenewright.scene.behavior import Segment
 from scenewright.scene.reaction_behavior import YieldingModel
-from scenewright.tools.gmm_sampler import priors
-from scenewright.tools.gmm_sampler.priors import load_yielding_model
+from scenewright.tools.gmm_sampler import prior_files
+from scenewright.tools.gmm_sampler.observed_behavior import load_yielding_model
 from scripted import build_scripted_backend
 
 YIELD = "A car from the north yields to a pedestrian on the east crosswalk at 5 am"
@@ -109,9 +109,9 @@ def rolling(monkeypatch: pytest.MonkeyPatch) -> None:
             pair: replace(each, rolls=1.0) for pair, each in load_yielding_model(folder).items()
         }
 
-    monkeypatch.setattr(priors, "load_yielding_model", rolls)
-    priors._load_bundle.cache_clear()
-    monkeypatch.setattr(priors, "_load_bundle", priors._load_bundle.__wrapped__)
+    monkeypatch.setattr(prior_files, "load_yielding_model", rolls)
+    prior_files._load_bundle.cache_clear()
+    monkeypatch.setattr(prior_files, "_load_bundle", prior_files._load_bundle.__wrapped__)
 
 
 @pytest.mark.usefixtures("rolling")

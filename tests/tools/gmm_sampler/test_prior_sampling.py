@@ -27,7 +27,7 @@ from scenewright.tools.gmm_sampler import (
     sample_driving_profiles,
     sample_waypoints,
 )
-from scenewright.tools.gmm_sampler.priors import save_priors
+from scenewright.tools.gmm_sampler.prior_files import save_priors
 from scenewright.tools.simulation.corpus import Trip, resample_path
 
 NAME = "amsterdam_120"

@@ -16,14 +16,14 @@ from scenewright.intersections import find_bundle_folder
 from scenewright.scene.constraints import GivesWay, Headway
 from scenewright.scene.map import Route
 from scenewright.scene.reaction_behavior import LEVELS, YieldingBehavior, sample_quantiles
-from scenewright.tools.gmm_sampler.priors import (
-    FILE,
+from scenewright.tools.gmm_sampler.observed_behavior import (
+    OBSERVED_FILE,
     AccelerationProfile,
-    DrivingProfilePrior,
     load_acceleration_profiles,
     load_yielding_model,
     replace_accelerations,
 )
+from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.scheduled_agent import PartialSchedule
@@ -219,9 +219,9 @@ def test_a_bundle_without_habits_borrows_the_shipped_ones(tmp_path):
 def _bundle(folder, text):
     import hashlib
 
-    (folder / FILE).write_text(text, encoding="utf-8")
+    (folder / OBSERVED_FILE).write_text(text, encoding="utf-8")
     digest = hashlib.sha256(text.encode()).hexdigest()
-    header = f'name = "here"\nformat = 1\n[sha256]\n"{FILE}" = "{digest}"\n'
+    header = f'name = "here"\nformat = 1\n[sha256]\n"{OBSERVED_FILE}" = "{digest}"\n'
     (folder / "bundle.toml").write_text(header, encoding="utf-8")
     return folder
 

@@ -28,7 +28,8 @@ from scenewright.intersections import (
 )
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.gmm_sampler.priors import Priors, compute_checksum, save_priors
+from scenewright.tools.gmm_sampler.prior_files import compute_checksum, save_priors
+from scenewright.tools.gmm_sampler.priors import Priors
 from scenewright.tools.map_import.map_parts import RouteLines
 
 _UNSTATED = "unstated; that of the map and the tracks it was made from"

@@ -20,13 +20,13 @@ from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.tools.fitting.path_frame import Pool, build_pooled_prior, load_shipped_pool
 from scenewright.tools.gmm_sampler.assumed_priors import build_jaywalking_mixture
+from scenewright.tools.gmm_sampler.prior_files import load_priors
 from scenewright.tools.gmm_sampler.priors import (
     HOURS,
     CountPrior,
     DrivingProfilePrior,
     Priors,
     WaypointPrior,
-    load_priors,
 )
 from scenewright.tools.map_import.map_parts import RouteLines, geos, list_lines
 from scenewright.tools.simulation.sumo_run import Demand, read_demand

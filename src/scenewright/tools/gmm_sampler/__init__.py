@@ -7,12 +7,12 @@ from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
     sample_driving_profiles,
 )
+from scenewright.tools.gmm_sampler.prior_files import load_priors
 from scenewright.tools.gmm_sampler.priors import (
     CountPrior,
     DrivingProfilePrior,
     Priors,
     WaypointPrior,
-    load_priors,
 )
 from scenewright.tools.gmm_sampler.sample import (
     build_paths,

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-
-if TYPE_CHECKING:
-    from scenewright.tools.gmm_sampler.priors import Priors, WaypointPrior
+from scenewright.tools.gmm_sampler.priors import DIMENSIONS, HOURS, Priors, WaypointPrior
 
 FARTHEST = 10_000.0
 """No path of an intersection leads further from its middle [m]."""
@@ -32,7 +28,7 @@ def check_priors(priors: Priors) -> None:
         most = float((np.abs(counts.means) + 6 * spread).max())
         _demand(most <= MOST_AGENTS, f"counts of {most:.3g} agents")
     hours = len(priors.counts)
-    _demand(hours == 24, f"counts of {hours} hours, not of 24")
+    _demand(hours == HOURS, f"counts of {hours} hours, not of {HOURS}")
     for route, profile in priors.driving_profiles.items():
         parts = (profile.median, profile.spread, profile.low, profile.high)
         same = all(part.shape == (4,) for part in parts)
@@ -41,7 +37,7 @@ def check_priors(priors: Priors) -> None:
         fine = bool((ordered & (profile.median > 0.0) & (profile.spread > 0.0)).all())
         _demand(fine, f"speeds and accelerations of {route} cannot be")
     for route, rates in priors.frequency.items():
-        _demand(rates.shape == (24,), f"frequency of {route} has the shape {rates.shape}")
+        _demand(rates.shape == (HOURS,), f"frequency of {route} has the shape {rates.shape}")
         _demand(bool((rates >= 0.0).all()), f"frequency of {route} is negative")
     missing = set(priors.waypoints) - set(priors.driving_profiles)
     _demand(not missing, f"no driving profile of {min(missing, default='')}")
@@ -53,7 +49,9 @@ def _check_waypoints(route: str, prior: WaypointPrior) -> None:
     count, paths = len(prior.weights), prior.base.shape
     size = prior.means.shape[-1] if prior.means.ndim == 2 else 0
     shapes = prior.means.shape == (count, size) and prior.cholesky.shape == (count, size, size)
-    _demand(count > 0 and size == 20 and shapes, f"waypoints of {route} are of other shapes")
+    _demand(
+        count > 0 and size == DIMENSIONS and shapes, f"waypoints of {route} are of other shapes"
+    )
     dense = len(paths) == 3 and paths[0] == count and paths[1] > 1 and paths[2] == 2
     _demand(dense, f"paths of {route} have the shape {paths}")
     _check_weights(route, prior.weights)
