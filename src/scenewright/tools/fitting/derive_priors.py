@@ -90,13 +90,13 @@ def _derive_jaywalking(intersection_map: IntersectionMap, route: Route) -> Waypo
     reach = float(np.hypot(*(kerbs[1] - kerbs[0]))) / 2
     road = merge_areas(intersection_map.road)
     middle, limit = (kerbs[0] + kerbs[1]) / 2, intersection_map.extent - 3.0
-    found = [
+    across = [
         _cut_road(road, middle + away * outwards, across, reach, limit)
         for away in (7.0, 11.0, 15.0, 19.0)
     ]
-    ends = [each for each in found if each is not None] or [kerbs]
-    ends = [each if crosswalk.sides[0] == route.entry else each[::-1] for each in ends]
-    if min(float(np.hypot(*(each[1] - each[0]))) for each in ends) >= _WIDE:
+    ends = [line for line in across if line is not None] or [kerbs]
+    ends = [end if crosswalk.sides[0] == route.entry else end[::-1] for end in ends]
+    if min(float(np.hypot(*(end[1] - end[0]))) for end in ends) >= _WIDE:
         return build_jaywalking_mixture(route.id, ends, outwards)
     lines = [_walk_along(each, sign * outwards) for each in ends for sign in (-1.0, 1.0)]
     pool: Pool = {str(route.movement): load_shipped_pool()["walking"]}
@@ -190,7 +190,7 @@ def assume_frequency(intersection_map: IntersectionMap) -> dict[str, FloatArray]
         else:
             left, straight, right = demand.turn_shares[route.entry]
             shares = {"left": left, "straight": straight, "right": right, "uturn": 0.0}
-            alike = sum(each == (route.entry, route.movement) for each in turns)
+            alike = sum(turn == (route.entry, route.movement) for turn in turns)
             arrivals = np.array(demand.vehicles[route.entry])
             found[route.id] = arrivals * shares[route.movement] / alike
     return found
@@ -211,10 +211,10 @@ def derive_counts(
     rates = {
         kind: [frequency[r.id] for r in intersection_map.routes if r.type == kind] for kind in stays
     }
-    found = []
+    counts = []
     for hour in range(HOURS):
         totals = {kind: sum(float(rate[hour]) for rate in own) for kind, own in rates.items()}
         mean = np.array([totals[kind] * (stays[kind] + 30.0) / 3600.0 for kind in stays])
         # Days differ, so that counts spread a little more than chance arrivals alone.
-        found.append(CountPrior(np.ones(1), mean[None], np.diag(1.2 * mean + 0.15)[None]))
-    return tuple(found)
+        counts.append(CountPrior(np.ones(1), mean[None], np.diag(1.2 * mean + 0.15)[None]))
+    return tuple(counts)

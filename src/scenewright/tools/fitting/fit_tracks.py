@@ -392,7 +392,7 @@ def _compute_nlls(
     priors: Mapping[str, WaypointPrior], route_lines: RouteLines, matches: Sequence[Match]
 ) -> list[float]:
     """Of each track that keeps to its line, which is known, by route [nats per waypoint]."""
-    found = []
+    nlls = []
     for route, prior in priors.items():
         for match in matches:
             offsets = match.offsets[None]
@@ -402,8 +402,8 @@ def _compute_nlls(
                     prior, weights=np.ones(1), means=prior.means[only],
                     cholesky=prior.cholesky[only], base=prior.base[only],
                 )  # fmt: skip
-                found.append(float(compute_offset_nll(own, line, offsets)[0]))
-    return found
+                nlls.append(float(compute_offset_nll(own, line, offsets)[0]))
+    return nlls
 
 
 def _split_folds(recordings: Sequence[Sequence[_Pair]]) -> list[list[Match]]:
@@ -478,14 +478,14 @@ def read_hourly_counts(file: str | Path) -> dict[str, FloatArray]:
     except (OSError, UnicodeDecodeError, csv.Error) as fault:
         reason = getattr(fault, "strerror", None) or fault
         raise InputError(f"cannot read {file}: {reason}") from None
-    found = {
+    hourly_counts = {
         kind: _read_column(file, rows, column)
         for column, kind in (("vehicles", "vehicle"), ("pedestrians", "pedestrian"))
         if rows and column in rows[0]
     }
-    if not found:
+    if not hourly_counts:
         raise InputError(f"{file} has no column vehicles or pedestrians beside hour")
-    return found
+    return hourly_counts
 
 
 def _read_column(file: str | Path, rows: Sequence[dict[str, str]], column: str) -> FloatArray:

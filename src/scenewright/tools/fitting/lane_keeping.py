@@ -40,11 +40,11 @@ def find_lane_offsets(tracks: Sequence[FloatArray]) -> dict[str, list[FloatArray
     Args:
         tracks: [T, 2] positions of vehicles in one frame [m].
     """
-    found: dict[str, list[FloatArray]] = {}
+    lane_offsets: dict[str, list[FloatArray]] = {}
     for turn, group in _group_by_turn(tracks).items():
         for lane in _group_by_lane(group):
-            found.setdefault(turn, []).append(_measure_from_middle(lane))
-    return found
+            lane_offsets.setdefault(turn, []).append(_measure_from_middle(lane))
+    return lane_offsets
 
 
 def _group_by_turn(tracks: Sequence[FloatArray]) -> dict[str, list[FloatArray]]:

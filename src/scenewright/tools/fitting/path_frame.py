@@ -110,7 +110,7 @@ def load_shipped_pool() -> Pool:
     """The pool of the shipped intersection, from its priors about its lanes' middles."""
     shipped, priors = load_map(SHIPPED), load_priors(SHIPPED)
     rng = np.random.default_rng(_SEED)
-    found: dict[str, list[FloatArray]] = {}
+    shipped_pool: dict[str, list[FloatArray]] = {}
     for route in shipped.routes:
         if route.movement == "jaywalking":
             continue
@@ -118,8 +118,8 @@ def load_shipped_pool() -> Pool:
         lines = _build_reference(shipped, route, drawn)
         away, _ = compute_deviations(drawn, lines)
         kept = away[np.abs(away[:, 1::2]).max(axis=1) < _MAX_OFFSETS[route.type]]
-        found.setdefault(classify_route(route), []).append(kept - kept.mean(axis=0))
-    joined = {kind: np.concatenate(parts) for kind, parts in found.items()}
+        shipped_pool.setdefault(classify_route(route), []).append(kept - kept.mean(axis=0))
+    joined = {kind: np.concatenate(parts) for kind, parts in shipped_pool.items()}
     pools = {kind: np.asarray(data.T @ data / len(data)) for kind, data in joined.items()}
     return pools | {"uturn": pools["left"]}
 
@@ -130,7 +130,7 @@ def _build_reference(
     """Lane middles of a vehicle's route on a built map; the mean path of a pedestrian's."""
     if route.type == "pedestrian":
         return [build_centreline(drawn.mean(axis=0))]
-    lanelets = {each.id: each for each in intersection_map.lanelets}
+    lanelets = {lanelet.id: lanelet for lanelet in intersection_map.lanelets}
     movement = next(m for m in intersection_map.movements if m.id == route.movement_id)
     lines = []
     for first in range(0, len(movement.lanelets), 3):

@@ -118,17 +118,17 @@ def _match_lanes(
     if origin is None:
         return []
     straight = {(m.entry, m.exit) for m in intersection_map.movements if m.turn == "straight"}
-    found: dict[str, list[tuple[bool, str]]] = {}
+    lanes: dict[str, list[tuple[bool, str]]] = {}
     for light in lights.changes:
         for way in lights.ways.get(light, ()):
             entry = _find_leg(intersection_map, way.source, origin, "approach")
             onto = way.onto
             exit_ = None if onto is None else _find_leg(intersection_map, onto, origin, "exit")
             if entry is not None:
-                found.setdefault(entry, []).append(((entry, exit_) in straight, light))
+                lanes.setdefault(entry, []).append(((entry, exit_) in straight, light))
     return [
         (leg, light)
-        for leg, own in found.items()
+        for leg, own in lanes.items()
         for goes_on, light in own
         if goes_on or not any(first for first, _ in own)
     ]
@@ -138,7 +138,7 @@ def _find_leg(
     intersection_map: IntersectionMap, places: Sequence[LatLon], origin: LatLon, kind: str
 ) -> Compass | None:
     """The leg on one of whose lanes a recorded line lies."""
-    line = np.array([project_mercator(origin, each) for each in places])
+    line = np.array([project_mercator(origin, place) for place in places])
     if len(line) < 2:
         return None
     near = resample_by_spacing(line, 1.0)

@@ -87,12 +87,12 @@ class Matcher:
             for route, own_kind, number, line in self._lines
             if own_kind == kind
         ]
-        near = [each for each in distances if each[0] <= _MAX_DISTANCE[kind]]
+        near = [distance for distance in distances if distance[0] <= _MAX_DISTANCE[kind]]
         if not near:
             return Unmatched("off", None)
         best, *others = sorted(near, key=lambda each: each[0])
         rivals = [each for each in others if each[1] != best[1] and each[0] < best[0] + _CLEARLY]
-        if kind == "vehicle" and any(_run_together(track, best[3], each[3]) for each in rivals):
+        if kind == "vehicle" and any(_run_together(track, best[3], rival[3]) for rival in rivals):
             entries = {self._routes[each[1]].entry for each in (best, *rivals)}
             return Unmatched("open", entries.pop() if len(entries) == 1 else None)
         return Match(best[1], best[2], measure_offsets(track, best[3]), best[0])

@@ -115,8 +115,8 @@ def _split(total: int, share: float) -> Counts:
 
 def _count_named(graph: SocialGraph) -> Counts:
     """Agents of the foreground by the classes of p_tod, riders as vehicles, groups whole."""
-    walkers = [each for each in graph.agents if each.type == "pedestrian"]
+    walkers = [agent for agent in graph.agents if agent.type == "pedestrian"]
     return {
         "vehicle": len(graph.agents) - len(walkers),
-        "pedestrian": sum(each.members or 1 for each in walkers),
+        "pedestrian": sum(walker.members or 1 for walker in walkers),
     }

@@ -40,14 +40,14 @@ def make_room(
     share = 1.0 - x * x * (3.0 - 2.0 * x)
     drawn, beside = vehicle.drawn, np.asarray(rider.drawn.waypoints.mean(axis=0))
     half = (vehicle.shape.width + rider.shape.width) / 2
-    found = []
+    shifted = []
     for waypoints, component in zip(drawn.waypoints, drawn.component.tolist(), strict=True):
         normals = compute_normals(prior.base[component])[::PER_INTERVAL]
         apart = _measure_offset(waypoints, normals, beside)
         away = float(np.sign(apart) or 1.0)
         more = max(float(rng.uniform(*gaps)) + half - abs(apart), 0.0) * away
-        found.append(waypoints + more * share[:, None] * normals)
-    return np.stack(found)
+        shifted.append(waypoints + more * share[:, None] * normals)
+    return np.stack(shifted)
 
 
 def _measure_offset(waypoints: FloatArray, normals: FloatArray, line: FloatArray) -> float:

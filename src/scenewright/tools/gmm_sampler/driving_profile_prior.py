@@ -49,7 +49,9 @@ def compute_profile_nll(
 ) -> FloatArray:
     """[m] -log density of driving profiles [nats]; infinite outside the bounds."""
     prior = _get_prior(priors, route)
-    values = np.array([_get_values(each) for each in profiles]).reshape(-1, len(PROFILE_FIELDS))
+    values = np.array([_get_values(profile) for profile in profiles]).reshape(
+        -1, len(PROFILE_FIELDS)
+    )
     return _score(values, prior.median, prior.spread, prior.low, prior.high, *prior.tails)
 
 
@@ -110,7 +112,9 @@ _FASTER = 1.5
 def count_slow_routes(graph: SocialGraph, assignment: RoleAssignment) -> int:
     """How many agents are to be faster at the light, or at a contact, than their turn allows."""
     wanted = _list_strike_speeds(graph)
-    wanted += [(each.agent, each.low) for each in graph.measures if each.kind == "line_speed"]
+    wanted += [
+        (measure.agent, measure.low) for measure in graph.measures if measure.kind == "line_speed"
+    ]
     routes = assignment.routes
     return sum(
         speed > _TURNING and routes[name].movement in ("left", "right", "uturn")
@@ -120,9 +124,11 @@ def count_slow_routes(graph: SocialGraph, assignment: RoleAssignment) -> int:
 
 def _list_strike_speeds(graph: SocialGraph) -> list[tuple[str, float]]:
     """The striking agent, and its least speed [m/s]."""
-    found = [(e.from_, e.impact_speed) for e in graph.relations if e.impact_speed is not None]
-    asked = [each for each in graph.measures if each.kind == "contact_speed"]
-    return found + [(each.agent, each.low + 0.5) for each in asked if each.low > 0.0]
+    strike_speeds = [
+        (e.from_, e.impact_speed) for e in graph.relations if e.impact_speed is not None
+    ]
+    asked = [measure for measure in graph.measures if measure.kind == "contact_speed"]
+    return strike_speeds + [(each.agent, each.low + 0.5) for each in asked if each.low > 0.0]
 
 
 def apply_measures(
@@ -133,7 +139,7 @@ def apply_measures(
     Their -log densities stay those of what was drawn before.
     """
     measures = graph.measures
-    stated = {each.agent for each in measures if each.kind in ("speed", "line_speed")}
+    stated = {measure.agent for measure in measures if measure.kind in ("speed", "line_speed")}
     for name, speed in _list_strike_speeds(graph):
         if speed > _TURNING and name not in stated:
             least = speed + 0.2

@@ -91,7 +91,7 @@ def build_candidates_with_frozen(
         _settle_patterns(graph, pins), grounding, priors,
         intersection_map=intersection_map, hour=pins.hour, rng=rng, lawful=lawful,
     )  # fmt: skip
-    patterns = tuple(pins.patterns.get(each.edge, each) for each in assignment.patterns)
+    patterns = tuple(pins.patterns.get(pattern.edge, pattern) for pattern in assignment.patterns)
     counted = graph
     if pins.background is not None:
         counts = Background.model_construct(  # more may have been drawn than can be asked for
@@ -129,22 +129,22 @@ def _merge_agents(
 ) -> dict[str, AgentCandidates]:
     """The foreground in the order of the graph, earlier background agents, then fresh ones."""
     named = {node.id: node.id for node in graph.agents}
-    found = {name: _prefer_earlier(fresh.agents[name], pins) for name in named}
+    agents = {name: _prefer_earlier(fresh.agents[name], pins) for name in named}
     for leader, names in fresh.groups.items():
         named |= dict(zip(names, groups[leader], strict=True))
-        found |= _merge_members(leader, groups[leader], [fresh.agents[n] for n in names], pins)
+        agents |= _merge_members(leader, groups[leader], [fresh.agents[n] for n in names], pins)
         if not pins.earlier.agents.keys() >= {*groups[leader]}:
-            found[leader] = fresh.agents[leader]  # a group of another size than before
+            agents[leader] = fresh.agents[leader]  # a group of another size than before
     for name, agent in pins.known.items():
-        if name not in found and agent.group is None:
-            found[name] = _offer_only(agent, fresh=None)
-    taken = {*found, *pins.earlier.agents}
+        if name not in agents and agent.group is None:
+            agents[name] = _offer_only(agent, fresh=None)
+    taken = {*agents, *pins.earlier.agents}
     for name, candidates in fresh.agents.items():
         if name not in named:
             [new] = list_free_names(taken, candidates.route.type, 1)
             taken.add(new)
-            found[new] = replace(candidates, name=new)
-    return found
+            agents[new] = replace(candidates, name=new)
+    return agents
 
 
 def _merge_members(
@@ -154,17 +154,17 @@ def _merge_members(
     pins: FrozenAgents,
 ) -> dict[str, AgentCandidates]:
     """The members of a group: their candidates stay or come first where their leader's do."""
-    found = {}
+    members = {}
     for name, candidates in zip(names, fresh, strict=True):
-        found[name] = replace(candidates, name=name)
+        members[name] = replace(candidates, name=name)
         before = pins.earlier.agents.get(name)
         if before is None:
             continue
         if leader in {**pins.placed, **pins.fixed}:
-            found[name] = _offer_only(before.agent, fresh=candidates)
+            members[name] = _offer_only(before.agent, fresh=candidates)
         elif leader in pins.offered:
-            found[name] = _offer_first(before.agent, found[name])
-    return found
+            members[name] = _offer_first(before.agent, members[name])
+    return members
 
 
 def _prefer_earlier(candidates: AgentCandidates, pins: FrozenAgents) -> AgentCandidates:

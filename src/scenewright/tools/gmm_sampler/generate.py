@@ -151,7 +151,9 @@ def assign_foreground(
         )
 
     def count_faults(assignment: RoleAssignment) -> tuple[int, int, int, int, int]:
-        violators = {each.violator for each in assignment.patterns if each.violator is not None}
+        violators = {
+            pattern.violator for pattern in assignment.patterns if pattern.violator is not None
+        }
         conflicts = count_signal_conflicts(assignment, intersection_map=intersection_map)
         obeys = not lawful and not list_unasked_runners(graph, assignment)
         slow, meetings = count_slow_routes(graph, assignment), count_meetings(assignment.routes)
@@ -234,7 +236,7 @@ def amplify(
             agents |= form_group(agents[node.id], members)
             groups[node.id] = tuple(members)
     # Who drives the wrong way need not drift over the centre line to meet others there.
-    wrong = {each.id for each in graph.agents if has_trait("motion", each.motion, "wrong_way")}
+    wrong = {agent.id for agent in graph.agents if has_trait("motion", agent.motion, "wrong_way")}
     drifting = tuple(p for p in assignment.patterns if not {p.from_, p.to} & wrong)
     _draw_lane_departures(agents, drifting, priors, rng=rng)
     _fit_to_riders(agents, assignment, priors, rng=rng)
@@ -300,7 +302,7 @@ def _draw_agent(
         own_rng = np.random.default_rng(own)
         waypoints, nll, component = lanes.draw(prior, own_rng, size=size)
         profiles = sample_driving_profiles(priors, route.id, own_rng, size=size)
-        speeds = np.array([each.speed for each in profiles])
+        speeds = np.array([profile.speed for profile in profiles])
         pace = sample_pace(shape.type, prior.length, own_rng, speeds=speeds)
         profile_nll = compute_profile_nll(priors, route.id, profiles)
         walks = shape.type == "pedestrian"
@@ -368,8 +370,8 @@ def _draw_lane_departures(
         laws = own.drawn.time_laws
         if has_trait("manoeuvre", get_pattern(played.pattern).manoeuvre, "merges_ahead"):
             # Who overtakes drives faster than the other, to draw away after cutting in.
-            fastest = max(each.speed for each in other.drawn.time_laws) + _OVERTAKES
-            laws = tuple(replace(each, speed=max(each.speed, fastest)) for each in laws)
+            fastest = max(law.speed for law in other.drawn.time_laws) + _OVERTAKES
+            laws = tuple(replace(law, speed=max(law.speed, fastest)) for law in laws)
         agents[own.name] = _replace_drawn(own, priors, waypoints=waypoints, laws=laws)
 
 

@@ -80,7 +80,7 @@ class ApproachLanes:
 def find_approach_lanes(intersection_map: IntersectionMap, movement: str | None) -> ApproachLanes:
     """The lanes by which a movement comes; none for pedestrians, who have no movement."""
     ways = (*intersection_map.movements, *intersection_map.uturns)
-    own = next((each.lanelets for each in ways if each.id == movement), ())
+    own = next((way.lanelets for way in ways if way.id == movement), ())
     lines = []
     for lane in intersection_map.lanelets:
         if lane.kind == "approach" and lane.id in own:

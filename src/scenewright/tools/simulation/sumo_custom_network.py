@@ -122,7 +122,7 @@ def _format_nodes(intersection_map: IntersectionMap) -> list[str]:
 def _format_edges(
     lanes: Mapping[Compass, _Numbered], intersection_map: IntersectionMap
 ) -> Iterator[str]:
-    walks = {each.leg: each for each in intersection_map.crosswalks}
+    walks = {crosswalk.leg: crosswalk for crosswalk in intersection_map.crosswalks}
     for leg, sides in lanes.items():
         for side, own in sides.items():
             if not own:
@@ -223,7 +223,7 @@ class Sidewalk:
 
 def read_sidewalks(network: Path) -> list[Sidewalk]:
     """The sidewalks beside the roads of a network."""
-    found = []
+    sidewalks = []
     for edge in ElementTree.parse(network).getroot().iter("edge"):
         if edge.get("function") is not None:
             continue
@@ -231,8 +231,8 @@ def read_sidewalks(network: Path) -> list[Sidewalk]:
         if lane is not None:
             points = [tuple(map(float, p.split(","))) for p in lane.attrib["shape"].split()]
             line = np.array(points)[:, :2]
-            found.append(Sidewalk(edge.attrib["id"], line, float(lane.attrib["length"])))
-    return found
+            sidewalks.append(Sidewalk(edge.attrib["id"], line, float(lane.attrib["length"])))
+    return sidewalks
 
 
 def draw_walks(

@@ -100,7 +100,7 @@ def list_lane_triples(
     intersection_map: IntersectionMap,
 ) -> Iterator[tuple[Lanelet, Lanelet, Lanelet]]:
     """The approach, connector and exit of every path of every movement."""
-    lanelets = {each.id: each for each in intersection_map.lanelets}
+    lanelets = {lanelet.id: lanelet for lanelet in intersection_map.lanelets}
     for movement in intersection_map.movements:
         names = iter(movement.lanelets)
         for before, inside, after in zip(names, names, names, strict=True):

@@ -219,7 +219,9 @@ def run_sumo(
     if finished.returncode != 0:
         raise InputError(f"SUMO stopped: {finished.stderr.strip()[:300]}")
     crashed = read_collided(folder)
-    known = {each.agent: each for each in departures if each.agent not in crashed}
+    known = {
+        departure.agent: departure for departure in departures if departure.agent not in crashed
+    }
     return [
         SumoTrack(
             route=known[agent].route,
@@ -236,10 +238,10 @@ def run_sumo(
 
 def read_collided(folder: Path) -> set[str]:
     """Ids of the agents that collided in the simulation that ran in a folder."""
-    found: set[str] = set()
+    collided: set[str] = set()
     for element in ElementTree.parse(folder / "collisions.xml").getroot().iter("collision"):
-        found |= {element.attrib["collider"], element.attrib["victim"]}
-    return found
+        collided |= {element.attrib["collider"], element.attrib["victim"]}
+    return collided
 
 
 def _read_by_agent(path: Path) -> Iterator[tuple[str, FloatArray]]:

@@ -86,11 +86,11 @@ def get_format(name: str) -> DatasetFormat | None:
 def find_columns(file: Path, named: DatasetFormat | None) -> Mapping[str, str] | None:
     """The columns of a file by the format that is named, else by the file's name."""
     if named is not None:
-        found = named.find_columns(file)
-        if found is None:
+        columns = named.find_columns(file)
+        if columns is None:
             wanted = ", ".join(glob for glob, _ in named.files)
             raise InputError(f"{file} is no file of {named.name}: they are called {wanted}")
-        return found
+        return columns
     own = (FORMATS[name].find_columns(file) for name in ("sind", "dut"))
     walked = TIMED if file.match("pedestrian_tracks_*.csv") else None
     return next((each for each in own if each is not None), walked)

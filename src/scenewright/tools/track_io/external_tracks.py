@@ -130,17 +130,21 @@ def read_external_recordings(data: bytes, *, name: str) -> dict[str, ExternalTra
     Raises:
         InputError: names the line or the agent and what to mend.
     """
-    found = {}
-    for each in read_scenarios(data, name=name):
-        table = _Table(f"{name} {each.name}".strip(), each.clock)
-        for agent in each.agents:
+    external_recordings = {}
+    for scenario in read_scenarios(data, name=name):
+        table = _Table(f"{name} {scenario.name}".strip(), scenario.clock)
+        for agent in scenario.agents:
             table.add(agent)
         if table.agents:
-            tracks = _build_tracks(table, unit=each.unit)
-            left_out = ", ".join(f"{n} {crop(word) or '?'}" for word, n in each.left_out.items())
+            tracks = _build_tracks(table, unit=scenario.unit)
+            left_out = ", ".join(
+                f"{n} {crop(word) or '?'}" for word, n in scenario.left_out.items()
+            )
             notes = (f"left out, as no road users: {left_out}",) if left_out else ()
-            found[each.name] = replace(tracks, notes=(*tracks.notes, *each.notes, *notes))
-    return found
+            external_recordings[scenario.name] = replace(
+                tracks, notes=(*tracks.notes, *scenario.notes, *notes)
+            )
+    return external_recordings
 
 
 @dataclass(frozen=True)
@@ -322,9 +326,9 @@ def compute_headings(xy: FloatArray, *, step: float, least: float) -> FloatArray
     for w in range(1, max(round(0.5 / step), 1) + 1):
         low, high = np.maximum(k - w, 0), np.minimum(k + w, n - 1)
         chord = xy[high] - xy[low]
-        found = ~known & (np.hypot(chord[:, 0], chord[:, 1]) >= least)
-        result[found] = np.arctan2(chord[found, 1], chord[found, 0])
-        known |= found
+        moving = ~known & (np.hypot(chord[:, 0], chord[:, 1]) >= least)
+        result[moving] = np.arctan2(chord[moving, 1], chord[moving, 0])
+        known |= moving
     if not known.any():
         return np.zeros(n)
     last = np.maximum.accumulate(np.where(known, k, -1))

@@ -122,14 +122,16 @@ def save_recordings(file: Path, recordings: Sequence[Recording]) -> None:
         save(
             partial,
             format=np.array(FORMAT),
-            name=_pack_text([each.name for each in recordings]),
-            split=_pack_text([each.split for each in recordings]),
-            span=np.array([(each.begin, each.end) for each in recordings]).reshape(-1, 2),
-            unseen=np.array([each.unseen for each in recordings], dtype=np.int64),
+            name=_pack_text([recording.name for recording in recordings]),
+            split=_pack_text([recording.split for recording in recordings]),
+            span=np.array([(recording.begin, recording.end) for recording in recordings]).reshape(
+                -1, 2
+            ),
+            unseen=np.array([recording.unseen for recording in recordings], dtype=np.int64),
             signal_time=_pack_text(
                 [None if r.signal_time is None else repr(r.signal_time) for r in recordings]
             ),
-            agents=np.array([len(each.agents) for each in recordings], dtype=np.int64),
+            agents=np.array([len(recording.agents) for recording in recordings], dtype=np.int64),
             type=_pack_text([a.shape.type for a in agents]),
             size=np.array([(a.shape.length, a.shape.width) for a in agents]).reshape(-1, 2),
             complete=np.array([a.complete for a in agents], dtype=np.bool_),
@@ -165,7 +167,7 @@ def load_recordings(file: Path, *, split: Split | None = None) -> tuple[Recordin
         InputError: missing, or no file of recordings.
     """
     held = read_arrays(file, what=f"recordings from {file}")
-    found = []
+    recordings = []
     try:
         if int(held["format"]) != FORMAT:
             raise InputError(f"{file} holds no recordings of format {FORMAT}")
@@ -175,7 +177,7 @@ def load_recordings(file: Path, *, split: Split | None = None) -> tuple[Recordin
             if split is not None and own != split:
                 continue
             members = range(end - int(held["agents"][k]), end)
-            found.append(Recording(
+            recordings.append(Recording(
                 name=name, begin=float(held["span"][k, 0]), end=float(held["span"][k, 1]),
                 agents=tuple(_unpack_agent(held, n, int(origin[n])) for n in members),
                 split=cast(Split, own) if own else None, unseen=int(held["unseen"][k]),
@@ -183,7 +185,7 @@ def load_recordings(file: Path, *, split: Split | None = None) -> tuple[Recordin
             ))  # fmt: skip
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
         raise InputError(f"{file} holds no recordings of format {FORMAT}: {fault}") from None
-    return tuple(found)
+    return tuple(recordings)
 
 
 def _unpack_agent(held: dict[str, NDArray[Any]], n: int, origin: int) -> RecordedAgent:

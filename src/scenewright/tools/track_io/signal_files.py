@@ -137,12 +137,12 @@ def _read_lanes(file: Path) -> dict[str, tuple[LightWay, ...]]:
         lines[name] = tuple(points)
         pairs = zip(data.get("SignalGroup", []), data.get("Sink", []), strict=False)
         controlled += [(light.strip(), name, sink.strip()) for light, sink in pairs]
-    found: dict[str, list[LightWay]] = {}
+    lanes: dict[str, list[LightWay]] = {}
     for light, name, sink in controlled:
         onto = lines.get(sink)
         if light and len(lines[name]) > 1:
-            found.setdefault(light, []).append(LightWay(lines[name], onto or None))
-    return {light: tuple(ways) for light, ways in found.items()}
+            lanes.setdefault(light, []).append(LightWay(lines[name], onto or None))
+    return {light: tuple(ways) for light, ways in lanes.items()}
 
 
 def sample_colours(own: tuple[tuple[float, Colour], ...], times: FloatArray) -> list[Colour]:

@@ -147,7 +147,7 @@ def _read(
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
     agents = agents if columns is not None else _add_partner(agents, file, dataset)
     if scale is not None:
-        agents = [replace(each, xy=each.xy * [scale, -scale]) for each in agents]
+        agents = [replace(agent, xy=agent.xy * [scale, -scale]) for agent in agents]
     elif columns is None and file.suffix == ".txt":
         raise InputError(
             f"positions of {file} are pixels; say metres per pixel with --scale, or --pool-scale"
@@ -169,7 +169,7 @@ def _read_scenarios(file: Path) -> Iterator[FileTracks]:
     """The scenarios of a file of a simulator or motion dataset; its clock is no time of day."""
     more = {"predictions": "leave out"} if file.suffix == ".ndjson" else {}
     for recording in read_scenarios(file.read_bytes(), name=str(file), **more):
-        agents = [replace(each, t=each.t * recording.unit) for each in recording.agents]
+        agents = [replace(agent, t=agent.t * recording.unit) for agent in recording.agents]
         tracks = _clean(file, agents, {"vehicle": 0.0, "pedestrian": 0.0}, None, None)
         yield replace(tracks, name=f"{tracks.name}:{recording.name}".rstrip(":"))
 

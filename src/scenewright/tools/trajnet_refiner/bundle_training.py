@@ -99,12 +99,14 @@ def train_bundle(
     """
     config = config or (CONFIG if start is None else start.config)
     by_split = {
-        split: [each for each in recordings if each.split == split]
+        split: [recording for recording in recordings if recording.split == split]
         for split in ("fit", "validation", "test")
     }
     if not by_split["fit"]:
         raise InputError("the corpus holds no hours to fit; make one with `simulate --corpus`")
-    foreign = [each.name for each in recordings if not each.name.startswith(f"{name} ")]
+    foreign = [
+        recording.name for recording in recordings if not recording.name.startswith(f"{name} ")
+    ]
     if foreign:
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
     try:
@@ -115,8 +117,8 @@ def train_bundle(
     order = np.random.default_rng(recipe.seed).permutation(len(own))[:most]
     windows = [own[k] for k in np.sort(order)]
     windows += _cut_windows([each for each in others if each.split == "fit"], config, stride)
-    walkers = [_smooth_steps(each) for each in walkers]
-    taught = [each for each in walkers if each.split == "fit"]
+    walkers = [_smooth_steps(walker) for walker in walkers]
+    taught = [walker for walker in walkers if walker.split == "fit"]
     if taught:
         walking = _cut_windows(taught, config, OVERLAP)
         backwards = reverse_windows(walking, observed=config.observed)
@@ -155,9 +157,9 @@ def train_bundle(
                 for place in dict.fromkeys(each.name.partition(" ")[0] for each in others)
             }
         if walkers:
-            about["walkers"] = {split: [each.name for each in walkers if each.split == split]
+            about["walkers"] = {split: [walker.name for walker in walkers if walker.split == split]
                                 for split in ("fit", "test")}  # fmt: skip
-            tried = [each for each in walkers if each.split == "test"]
+            tried = [walker for walker in walkers if walker.split == "test"]
             about["walkers_figures"] = compute_figures(net, tried, stride=OVERLAP)
     save_refiner(net.config, net.list_weights(), out / REFINER_WEIGHTS, about=about)
     (out / CARD).write_text(format_card(net.config, about), encoding="utf-8")
@@ -305,7 +307,7 @@ def _format_others(about: Mapping[str, Any]) -> str:
 
 def _format_hours(names: Sequence[str]) -> str:
     """The names without the intersection's, which is that of all."""
-    return ", ".join(each.partition(" ")[2] for each in names)
+    return ", ".join(name.partition(" ")[2] for name in names)
 
 
 def _cut_windows(
@@ -325,8 +327,8 @@ def _weigh_down_pedestrians(window: Window) -> Window:
 def _smooth_steps(recording: Recording) -> Recording:
     """A recording without the sway of steps: heads are tracked, and predicted is where one goes."""
     agents = [
-        replace(each, track=replace(each.track, xy=smooth_gaussian(each.track.xy, _SWAY)))
-        for each in recording.agents
+        replace(agent, track=replace(agent.track, xy=smooth_gaussian(agent.track.xy, _SWAY)))
+        for agent in recording.agents
     ]
     return replace(recording, agents=tuple(agents))
 

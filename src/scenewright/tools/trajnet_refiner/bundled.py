@@ -61,7 +61,7 @@ def load_bundled_refiner(name: str) -> BundledRefiner | None:
     try:
         # The files that say which weights are the bundle's, as far as there are.
         stats = [f.stat() for f in (file, folder / "bundle.toml") if f.is_file()]
-        return _read(folder, tuple((each.st_mtime_ns, each.st_size) for each in stats))
+        return _read(folder, tuple((stat.st_mtime_ns, stat.st_size) for stat in stats))
     except OSError as fault:
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from fault
 

@@ -74,9 +74,11 @@ def read_refiner(
     tensors, facts = read_tensors(path)
     about = facts.get("about", {})
     kinds: tuple[tuple[str, Task], ...] = (("intersection", "scenes"), ("trained_on", "benchmark"))
-    found = next((kind for key, kind in kinds if key in about), None)
-    if task is not None and found is not None and found != task:
-        raise InputError(f"{path}: weights that {_TASKS[found]}, not ones that {_TASKS[task]}")
+    stored_task = next((kind for key, kind in kinds if key in about), None)
+    if task is not None and stored_task is not None and stored_task != task:
+        raise InputError(
+            f"{path}: weights that {_TASKS[stored_task]}, not ones that {_TASKS[task]}"
+        )
     try:
         config = RefinerConfig.model_validate(facts["config"])
     except (KeyError, ValidationError) as error:
