@@ -22,7 +22,7 @@ from scenewright.geometry.polyline import (
 from scenewright.geometry.spline import PER_INTERVAL
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map import IntersectionMap, Route
 from scenewright.tools.fitting.path_frame import Centreline, build_centreline
 from scenewright.tools.map_import.map_parts import RouteLines
 
@@ -61,20 +61,36 @@ class Unmatched:
     entry: Compass | None
 
 
+@dataclass(frozen=True, eq=False)
+class _RouteLine:
+    """One of the centrelines of a route.
+
+    Attributes:
+        number: among the route's centrelines.
+    """
+
+    route: Route
+    number: int
+    centreline: Centreline
+
+
 class Matcher:
     """The routes of one map, prepared for matching."""
 
     def __init__(self, intersection_map: IntersectionMap, route_lines: RouteLines) -> None:
-        self._routes = {r.id: r for r in intersection_map.routes if r.id in route_lines}
         self._lines = [
-            (r.id, r.type, n, build_centreline(np.asarray(line)))
-            for r in self._routes.values()
-            for n, line in enumerate(route_lines[r.id])
+            _RouteLine(route, number, build_centreline(np.asarray(line)))
+            for route in intersection_map.routes
+            for number, line in enumerate(route_lines.get(route.id, ()))
         ]
 
     def compute_normals(self, match: Match) -> FloatArray:
         """[K, 2] unit vectors to the left of the matched line at its waypoints."""
-        line = next(x for r, _, n, x in self._lines if (r, n) == (match.route, match.line))
+        line = next(
+            line.centreline
+            for line in self._lines
+            if (line.route.id, line.number) == (match.route, match.line)
+        )
         return compute_normals(line.dense)[::PER_INTERVAL]
 
     def match(self, xy: FloatArray, kind: str) -> Match | Unmatched:
@@ -82,20 +98,27 @@ class Matcher:
         track = resample_track(xy)
         if len(track) < 4:
             return Unmatched("off", None)
-        distances = [
-            (measure_mean_distance(track, line), route, number, line)
-            for route, own_kind, number, line in self._lines
-            if own_kind == kind
+        near = [
+            (distance, line)
+            for line in self._lines
+            if line.route.type == kind
+            and (distance := measure_mean_distance(track, line.centreline)) <= _MAX_DISTANCE[kind]
         ]
-        near = [distance for distance in distances if distance[0] <= _MAX_DISTANCE[kind]]
         if not near:
             return Unmatched("off", None)
-        best, *others = sorted(near, key=lambda each: each[0])
-        rivals = [each for each in others if each[1] != best[1] and each[0] < best[0] + _CLEARLY]
-        if kind == "vehicle" and any(_run_together(track, best[3], rival[3]) for rival in rivals):
-            entries = {self._routes[each[1]].entry for each in (best, *rivals)}
+        (least, best), *others = sorted(near, key=lambda pair: pair[0])
+        rivals = [
+            line
+            for distance, line in others
+            if line.route.id != best.route.id and distance < least + _CLEARLY
+        ]
+        if kind == "vehicle" and any(
+            _run_together(track, best.centreline, rival.centreline) for rival in rivals
+        ):
+            entries = {line.route.entry for line in (best, *rivals)}
             return Unmatched("open", entries.pop() if len(entries) == 1 else None)
-        return Match(best[1], best[2], measure_offsets(track, best[3]), best[0])
+        offsets = measure_offsets(track, best.centreline)
+        return Match(best.route.id, best.number, offsets, least)
 
 
 def resample_track(xy: FloatArray) -> FloatArray:
