@@ -44,7 +44,7 @@ def author(
     from scenewright.authoring.agent import format_provenance
     from scenewright.cli.make import read_instruction
     from scenewright.cli.scene_summary import format_verdict
-    from scenewright.graph.run import encode_proof, encode_scene
+    from scenewright.graph.scene_files import encode_proof, encode_scene
 
     instruction, choose = read_instruction(text), plan_folder(out, force=None)
     model, hide = _load_model(options)

@@ -64,7 +64,7 @@ class SceneOptions(Asked):
         """What all rows share; `others` are further fields of `Options`, or other values."""
         from scenewright.dataset.batch.answering import BUILTIN
         from scenewright.dataset.batch.worker import Options
-        from scenewright.graph.run import choose_refiner, find_refiner_gap
+        from scenewright.graph.arguments import choose_refiner, find_refiner_gap
 
         given = self.pass_on(Options) | others
         given["backend"] = tuple(given.get("backend") or BUILTIN)

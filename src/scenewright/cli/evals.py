@@ -87,8 +87,7 @@ def write_predictions(
         InputError: it cannot be written.
     """
     from scenewright.evals.trajnet.score import format_predictions
-    from scenewright.files import write_atomically
-    from scenewright.graph.run import make_folder
+    from scenewright.files import make_folder, write_atomically
 
     for each in evaluated:
         name = each.predictor.replace(" ", "_")

@@ -94,7 +94,8 @@ def make(
 ) -> Result:
     """Make a verified scene from an instruction or a plan and write it to a folder."""
     from scenewright.cli.scene_summary import summarize_scene
-    from scenewright.graph.run import check_plan, synthesize
+    from scenewright.graph.plan_faults import check_plan
+    from scenewright.graph.run import synthesize
     from scenewright.scene.plan_file import PlanFile
 
     asked, backend = read_request(text), options.model.load()

@@ -32,7 +32,9 @@ from scenewright.cli.views import save_scene, save_version
 from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 from scenewright.errors import InputError, Rejected, Unsatisfiable, describe_misfit
 from scenewright.extras import require_extra
-from scenewright.graph.run import check_arguments, encode_proof, encode_scene, verify
+from scenewright.graph.arguments import check_arguments
+from scenewright.graph.scene_files import encode_proof, encode_scene
+from scenewright.graph.verify import verify
 from scenewright.nodes.toolbox import ToolState
 from scenewright.scene.plan_file import read_plan
 from scenewright.scene.record import SceneRecord

@@ -124,7 +124,7 @@ def plan_all(
             own = name if isinstance(name, str | int) else None
             planned.append({**plan_to_row("", plan), "id": own})
     except BackendFault as fault:
-        from scenewright.graph.run import sum_costs_by_task
+        from scenewright.graph.provenance import sum_costs_by_task
 
         fault.models = sum_costs_by_task(calls)
         raise
@@ -231,7 +231,8 @@ def format_plan_of(text: str, backend: Backend, intersection: str | None, *, osc
         InputError, Unsatisfiable, BackendFault: as `synthesize`.
     """
     from scenewright.files import is_plan_file
-    from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
+    from scenewright.graph.arguments import DEFAULT_INTERSECTION
+    from scenewright.graph.run import plan_instruction
     from scenewright.scene.plan_file import LogicalPlan, format_plan, read_logical_plan, read_plan
 
     if is_plan_file(text):
@@ -270,7 +271,8 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         InputError: it is no plan, or the place has no way for an agent; names line and field.
     """
     from scenewright.dataset.batch.sweep import load_places
-    from scenewright.graph.run import DEFAULT_INTERSECTION, check_plan
+    from scenewright.graph.arguments import DEFAULT_INTERSECTION
+    from scenewright.graph.plan_faults import check_plan
     from scenewright.scene.phrasing import describe_graph
     from scenewright.scene.plan_file import read_logical_plan
 

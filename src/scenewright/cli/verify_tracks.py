@@ -68,7 +68,7 @@ def check_tracks(path: Path, *, intersection: str | None) -> list[CheckedTracks]
     Raises:
         InputError: unreadable, or no such intersection.
     """
-    from scenewright.graph.run import examine_tracks, find_off_ground, load_recordings
+    from scenewright.graph.verify import examine_tracks, find_off_ground, load_recordings
 
     checked = []
     for name, tracks in load_recordings(path).items():

@@ -14,7 +14,8 @@ from langgraph.graph.state import CompiledStateGraph
 from typing_extensions import TypedDict
 
 from scenewright.errors import InputError, Unsatisfiable
-from scenewright.graph.run import DEFAULT_INTERSECTION, synthesize
+from scenewright.graph.arguments import DEFAULT_INTERSECTION
+from scenewright.graph.run import synthesize
 
 
 class MakeRequest(TypedDict):

@@ -2,38 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from scenewright.errors import InputError, describe_misfit
-from scenewright.scene.digest import digest_json
+from scenewright.graph.scene_files import read_origin_digest
 from scenewright.scene.events import Finding, Proof
 
 ROUNDING = 0.011
 """Figures may differ by this from machine to machine: most are kept to 1 mm or 0.001 s."""
-
-
-def read_proof(file: Path) -> Proof:
-    """The proof in a file.
-
-    Raises:
-        InputError: it cannot be read, or is no proof; says where the first fault is.
-    """
-    try:
-        data = file.read_bytes()
-        proof = Proof.model_validate_json(data)
-        digest_json(data)  # which refuses a key twice, of which readers see one or the other
-        return proof
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    except ValidationError as error:
-        raise InputError(f"{file} is not a proof: {describe_misfit(error, 'file')}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file} is not a proof: {error}") from error
 
 
 def compare_proofs(
@@ -58,25 +35,6 @@ def compare_origin(found: Proof, file: Path) -> Proof:
         return found
     against = _report("provenance_contradicted", "provenance.json is that of another scene")
     return found.model_copy(update={"verified": False, "missing": (*found.missing, against)})
-
-
-def read_origin_digest(file: Path) -> str | None:
-    """The digest of the scene that a provenance.json is of; None if it names none, or is not there.
-
-    Raises:
-        InputError: it cannot be read, or is no JSON.
-    """
-    try:
-        data = file.read_bytes()
-        digest_json(data)  # which refuses a key twice
-        about = json.loads(data)
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file} is no provenance: {error}") from error
-    return about.get("scene_digest") if isinstance(about, dict) else None
 
 
 def _find_difference(

@@ -58,7 +58,8 @@ class Batches:
 
     def show_scene(self, batch: str, row: int) -> HTMLResponse:
         """The self-contained page of a scene, by its place in the journal."""
-        from scenewright.graph.run import load_scene, verify
+        from scenewright.graph.scene_files import load_scene
+        from scenewright.graph.verify import verify
         from scenewright.viz.html_player import build_player
 
         folder = self._find(batch)

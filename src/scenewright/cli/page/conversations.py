@@ -25,7 +25,8 @@ from scenewright.cli.sessions import (
 )
 from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
-from scenewright.graph.run import check_plan, plan_instruction
+from scenewright.graph.plan_faults import check_plan
+from scenewright.graph.run import plan_instruction
 from scenewright.memory.threads import Threads
 from scenewright.nodes.remaining import OR_LENIENT
 from scenewright.scene.phrasing import call_agents, describe_graph, speak_plainly

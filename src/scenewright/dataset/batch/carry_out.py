@@ -27,7 +27,7 @@ from scenewright.dataset.batch.worker import FILES, Job, Outcome, work
 from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
-from scenewright.graph.run import make_folder
+from scenewright.files import make_folder
 from scenewright.time_limit import raise_after
 
 JobT = TypeVar("JobT")

@@ -15,7 +15,7 @@ from scenewright.dataset.batch.carry_out import JOURNAL, is_whole, publish
 from scenewright.dataset.batch.journal import Journal, lock_journal
 from scenewright.dataset.batch.manifest import hash_files, read_manifest, write_manifest
 from scenewright.dataset.batch.pictures import draw_overview, draw_statistics
-from scenewright.dataset.batch.worker import FILES, Job, format_json_line
+from scenewright.dataset.batch.worker import FILES, Job
 from scenewright.dataset.tables.card import describe_in_croissant, format_card
 from scenewright.dataset.tables.parquet import (
     TABLES,
@@ -27,7 +27,7 @@ from scenewright.dataset.tables.parquet import (
 from scenewright.dataset.tables.splits import choose_split
 from scenewright.dataset.tables.tally import Tally
 from scenewright.errors import InputError
-from scenewright.files import write_atomically
+from scenewright.files import format_json_line, write_atomically
 
 PICTURES = ("figures/overview.png", "figures/statistics.png")
 CARD, CROISSANT = "README.md", "croissant.json"

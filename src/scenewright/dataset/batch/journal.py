@@ -15,8 +15,8 @@ from typing import Any, BinaryIO, Self
 
 from filelock import FileLock, Timeout
 
-from scenewright.dataset.batch.worker import format_json_line
 from scenewright.errors import InputError
+from scenewright.files import format_json_line
 
 
 @dataclass(frozen=True)

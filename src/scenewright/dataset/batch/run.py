@@ -20,7 +20,7 @@ from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.rows import RowSource, read_source
 from scenewright.dataset.batch.worker import Job, Options, build_job
 from scenewright.errors import InputError
-from scenewright.graph.run import MAX_SEED, REFINERS
+from scenewright.graph.arguments import MAX_SEED, REFINERS
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.relations import load_patterns
 from scenewright.time_limit import check_time_limit

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Mapping
@@ -21,6 +20,8 @@ from scenewright.dataset.batch.answering import (
 from scenewright.dataset.batch.rows import Named, choose_seed
 from scenewright.dataset.tables.splits import Split
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
+from scenewright.files import format_json_line
+from scenewright.graph.arguments import choose_max_agents
 from scenewright.scene.plan_fields import word_plan
 from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.rejection import SEARCHED
@@ -63,8 +64,6 @@ class Options:
     time_limit: float = DEFAULT_LIMIT
 
     def __post_init__(self) -> None:
-        from scenewright.graph.run import choose_max_agents
-
         object.__setattr__(self, "max_agents", choose_max_agents(self.max_agents))
 
     def list_settings(self) -> dict[str, Any]:
@@ -184,7 +183,8 @@ def _run_job(job: Job) -> Outcome:
 
 
 def _make_scene(job: Job) -> Outcome:
-    from scenewright.graph.run import encode_scene, synthesize
+    from scenewright.graph.run import synthesize
+    from scenewright.graph.scene_files import encode_proof, encode_scene
 
     shared = {name: each for name, each in vars(job.options).items() if name != "draws"}
     backend = _load_backend(shared.pop("backend"), shared.pop("base_url"), job.asking)
@@ -208,7 +208,7 @@ def _make_scene(job: Job) -> Outcome:
         "provenance.json": format_json_line(
             {**about, "row": job.key, "overrides": dict(job.context)}
         ),
-        "proof.json": format_json_line(scene.proof.model_dump(mode="json", by_alias=True)),
+        "proof.json": encode_proof(scene.proof),
         "scene.json": encode_scene(scene.record),
     }
     return Outcome("made", files=files, attempts=attempts, paid=paid)
@@ -260,9 +260,3 @@ class _Overriding:
         ]  # fmt: skip
         context = {**(reply.get("context") or {}), **self._context}
         return {**reply, "context": context, "said": said}
-
-
-def format_json_line(value: Any) -> bytes:
-    """A value as one line of JSON: the same value, the same bytes."""
-    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return (text + "\n").encode("utf-8", "backslashreplace")

@@ -16,14 +16,13 @@ from scenewright.dataset.batch.finish import finish, list_journal_rows
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.run import check_options, hash_bundle, list_settings
-from scenewright.dataset.batch.worker import format_json_line
 from scenewright.dataset.orders.agent import Order, OrderContext, build_jobs, fill_slots
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
 from scenewright.dataset.orders.wording import BOOK, Book, Slot
 from scenewright.dataset.orders.writers import load_writer
 from scenewright.errors import InputError
-from scenewright.files import write_atomically
+from scenewright.files import format_json_line, write_atomically
 from scenewright.intersections import load_map
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import SceneContext
