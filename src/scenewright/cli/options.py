@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, field, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import (
@@ -76,6 +76,20 @@ class Asked:
             elif name in taken:
                 found[name] = each
         return found
+
+    def list_words(self) -> list[str]:
+        """The words of a command line that ask for the same: options that are not the default."""
+        words: list[str] = []
+        for each in fields(self):
+            value, name = getattr(self, each.name), f"--{each.name.replace('_', '-')}"
+            if isinstance(value, Asked):
+                words += value.list_words()
+            elif value is True and each.default is not True:
+                words.append(name)
+            elif value != each.default:
+                given = value if isinstance(value, list) else [value]
+                words += [word for item in given for word in (name, str(item))]
+        return words
 
 
 @dataclass(frozen=True)
@@ -151,9 +165,9 @@ def list_parameters(
     Args:
         describe: the annotation of a type and of what `option` noted of it.
     """
-    hints, fields = _get_hints(made), getattr(made, "__dataclass_fields__", {})
+    hints, noted = _get_hints(made), getattr(made, "__dataclass_fields__", {})
     for name, each in inspect.signature(made).parameters.items():
-        found, hint, default = fields.get(name, each.default), hints[name], each.default
+        found, hint, default = noted.get(name, each.default), hints[name], each.default
         if isinstance(found, Field) and "info" in found.metadata:
             hint = describe(hint, {**found.metadata, "name": name})
             default = each.empty if found.default is MISSING else found.default

@@ -8,19 +8,20 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field
 from starlette.responses import HTMLResponse
 
+from scenewright.cli.batch import RunOptions
 from scenewright.cli.page.routes import Upload
 from scenewright.dataset.batch.rows import DatasetRow, read_source
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map
 from scenewright.scene.events import Proof
-from scenewright.time_limit import DEFAULT_LIMIT
 
 MOST_ROWS_BYTES = 20_000_000
 MOST_AT_ONCE = 2000
@@ -31,10 +32,9 @@ _ROWS, _OUT, _SETTING, _ERRORS = "rows.jsonl", "out", "setting.json", "errors.tx
 class Batches:
     """The batches of one folder; one process each while it is being made."""
 
-    def __init__(
-        self, folder: Path, *, time_limit: float = DEFAULT_LIMIT, lawful: bool = False
-    ) -> None:
-        self._folder, self._time_limit, self._lawful = folder, time_limit, lawful
+    def __init__(self, folder: Path, run: RunOptions) -> None:
+        """Runs differ from the given one in place and backend alone."""
+        self._folder, self._run = folder, run
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._lock = threading.Lock()
 
@@ -108,7 +108,9 @@ class Batches:
         with self._lock:
             process = self._running.get(batch)
             if process is None or process.poll() is not None:
-                self._running[batch] = _launch(folder, self._time_limit, lawful=self._lawful)
+                setting = json.loads((folder / _SETTING).read_bytes())
+                own = {"intersection": setting["intersection"], "backend": setting["backend"]}
+                self._running[batch] = _launch(folder, replace(self._run, **own))
         return {"batch": batch}
 
     def close(self) -> None:
@@ -148,14 +150,9 @@ class Batches:
         return folder
 
 
-def _launch(folder: Path, time_limit: float, *, lawful: bool) -> subprocess.Popen[bytes]:
-    setting = json.loads((folder / _SETTING).read_bytes())
+def _launch(folder: Path, run: RunOptions) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "scenewright", "batch", str(folder / _ROWS)]
-    command += ["--out", str(folder / _OUT), "--workers", "1", "--quiet"]
-    command += ["--intersection", setting["intersection"], "--time-limit", str(time_limit)]
-    command += ["--lawful"] if lawful else []
-    for backend in setting["backend"]:
-        command += ["--backend", backend]
+    command += ["--out", str(folder / _OUT), "--quiet", *run.list_words()]
     with (folder / _ERRORS).open("wb") as errors:
         return subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors

@@ -15,6 +15,7 @@ from scenewright.authoring.thread_state import ThreadState
 from scenewright.backends import Backend
 from scenewright.cli.console import ProgressCallback
 from scenewright.cli.options import SessionOptions
+from scenewright.cli.page.asked import NewThread
 from scenewright.cli.sessions import (
     add_facts,
     choose_free_name,
@@ -222,12 +223,12 @@ class Conversations:
         """Names of all threads, last used first."""
         return list_threads(self._options.threads)
 
-    def create(self, intersection: str, seed: int | None = None) -> Conversation:
-        """A new conversation at an intersection; InputError if there is none so named."""
+    def create(self, asked: NewThread) -> Conversation:
+        """A new conversation; InputError if there is no such intersection."""
+        given = {key: each for key, each in vars(asked).items() if each not in (None, "")}
         with self._lock:
             name = choose_free_name("page", {*self.list_names(), *self._open})
-            own = self._options if seed is None else replace(self._options, seed=seed)
-            return self._start(name, replace(own, intersection=intersection))
+            return self._start(name, replace(self._options, **given))
 
     def get(self, name: str) -> Conversation:
         """The conversation of this name; InputError if there is none."""
