@@ -15,6 +15,7 @@ from scenewright.dataset.batch.answering import (
     PLAINLY,
     Asking,
     Names,
+    WrappedBackend,
     load_speaking_backend,
 )
 from scenewright.dataset.batch.rows import Named, choose_seed
@@ -238,15 +239,12 @@ def _load_backend(names: Names, base_url: str | None, asking: Asking) -> Backend
     return load_speaking_backend(names, base_url, asking)
 
 
-class _Overriding:
+class _Overriding(WrappedBackend):
     """A backend whose plans have parts of their context replaced."""
 
     def __init__(self, backend: Backend, context: Mapping[str, Any]) -> None:
-        self.name, self.deterministic = backend.name, backend.deterministic
-        self._backend, self._context = backend, dict(context)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._backend, name)
+        super().__init__(backend)
+        self._context = dict(context)
 
     def answer(self, question: Question) -> dict[str, Any]:
         """The backend's reply; a plan's context as the row has it."""
