@@ -25,12 +25,6 @@ class ExportOptions(Asked):
         None, "Form, of formats with several: replay, reactive; window, whole, example."
     )
     ego: str | None = option(None, "Agent that is left to you, such as vehicle-1.", metavar="NAME")
-
-
-@dataclass(frozen=True, kw_only=True)
-class SceneExportOptions(ExportOptions):
-    """The same for scenes that lie anywhere."""
-
     intersection: str | None = option(None, "Map to use, not the one the scene names.")
     plan: str | None = option(
         None, "Plan whose open speeds become OpenSCENARIO distributions.", metavar="F"
@@ -40,13 +34,9 @@ class SceneExportOptions(ExportOptions):
 def export(
     *,
     scenes: list[str] = argument(..., "scene.json, or folders of scenes.", metavar="SCENE..."),
-    options: SceneExportOptions,
+    options: ExportOptions,
 ) -> Result:
     """Write scenes in another format; docs/exports.md describes each."""
-    return _export_scenes(scenes, options)
-
-
-def _export_scenes(scenes: list[str], options: ExportOptions) -> Result:
     from scenewright.cli.verify import list_scene_files
     from scenewright.graph.export import export as write
 
@@ -149,4 +139,4 @@ def export_dataset(folder: Folder, options: ExportOptions) -> Result:
     from scenewright.dataset.batch.manifest import read_manifest
 
     read_manifest(Path(folder))  # it is a finished dataset
-    return _export_scenes([folder], options)
+    return export(scenes=[folder], options=options)

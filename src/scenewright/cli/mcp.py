@@ -23,7 +23,6 @@ from scenewright.authoring.explain import explain_refusal
 from scenewright.authoring.session import Session, SessionVersion
 from scenewright.cli.catalogue import format_entry, read_catalogue
 from scenewright.cli.coverage import read_encounters, to_json
-from scenewright.cli.errors import to_cli_error
 from scenewright.cli.find import Search, search
 from scenewright.cli.options import SessionOptions, collect, list_parameters, option
 from scenewright.cli.saved import SAVED, write_saved
@@ -107,7 +106,7 @@ def _answer_refusals(tool: Callable[..., dict[str, Any]]) -> Callable[..., dict[
         except TimeLimitReachedError as error:
             return {"ok": False, "code": "time_limit", "detail": str(error)}
         except (InputError, Unsatisfiable) as error:
-            return {"ok": False, "code": to_cli_error(error).code, "detail": str(error)}
+            return {"ok": False, "code": error.code, "detail": str(error)}
 
     own = list(list_parameters(tool, _describe_to_pydantic))
     run.__signature__ = inspect.signature(tool, eval_str=True).replace(parameters=own)  # type: ignore[attr-defined]

@@ -12,7 +12,7 @@ from scenewright.graph.written_proof import compare_origin, compare_proofs
 from scenewright.intersections import load_map
 from scenewright.scene.bounds import find_excess
 from scenewright.scene.digest import digest_scene
-from scenewright.scene.events import Event, Finding, Proof
+from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.account import prove
 
@@ -86,17 +86,6 @@ def examine_tracks(tracks: ExternalTracks, *, intersection: str | None = None) -
     from scenewright.tools.relation_checker.external_events import examine_recording
 
     return examine_recording(tracks, intersection_map=ground)
-
-
-def find_off_ground(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding, ...]:
-    """Agents of foreign tracks that leave the ground of their class on a map.
-
-    Raises:
-        InputError: no such intersection.
-    """
-    from scenewright.tools.relation_checker.external_events import find_off_map
-
-    return find_off_map(tracks, load_map(intersection))
 
 
 def load_tracks(path: str | Path) -> ExternalTracks:

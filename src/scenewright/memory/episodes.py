@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import zlib
 from collections.abc import Mapping, Sequence
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.errors import InputError
+from scenewright.files import write_atomically
 
 MOST_EPISODES = 500
 """More are kept no longer: the oldest go first."""
@@ -86,14 +86,11 @@ class Episodes:
             )
             for e in [*kept, new][-self.most :]
         ]
-        part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            part.write_text("".join(f"{line}\n" for line in lines), "utf-8")
-            part.replace(self.path)
         except OSError as error:
-            part.unlink(missing_ok=True)
             raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
+        write_atomically(self.path, "".join(f"{line}\n" for line in lines).encode())
 
     def wipe(self) -> int:
         """Forgets everything; how many episodes that were."""

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO, Self
 from filelock import FileLock, Timeout
 
 from scenewright.errors import InputError
-from scenewright.files import format_json_line
+from scenewright.files import format_json_line, write_atomically
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,7 @@ class Journal:
         self._writer: BinaryIO | None = None
         if name is not None:
             if not (folder / name).exists():  # it has its header or does not exist
-                part = folder / f".{name}.part"
-                part.write_bytes(format_json_line(header))
-                os.replace(part, folder / name)
+                write_atomically(folder / name, format_json_line(header))
             cut_torn_line(folder / name)
         for path in sorted(folder.glob("journal*.jsonl")):
             self._load(path, dict(header))

@@ -161,18 +161,18 @@ def _run_job(job: Job) -> Outcome:
     try:
         return _make_scene(job)
     except InputError as error:
-        return Outcome("refused", "unusable_input", str(error), paid=_sum_paid(error.models))
+        return Outcome("refused", error.code, str(error), paid=_sum_paid(error.models))
     except OutOfTime as error:
         attempts = max(len(error.rejections), 1)
         paid = _sum_paid(error.models)
         return Outcome("failed", "time_limit", str(error), attempts=attempts, paid=paid)
     except Unsatisfiable as error:
         codes = [each.code for each in error.rejections]
-        code = codes[-1] if codes else "unsatisfiable"
+        code = codes[-1] if codes else error.code
         attempts = max(len(codes), 1)
         return Outcome("refused", code, str(error), attempts=attempts, paid=_sum_paid(error.models))
     except BackendFault as error:
-        return Outcome("failed", "backend_failed", str(error), paid=_sum_paid(error.models))
+        return Outcome("failed", error.code, str(error), paid=_sum_paid(error.models))
     except MemoryError:
         return Outcome("failed", "out_of_memory", "there was not enough memory for this row")
     except Exception as error:
