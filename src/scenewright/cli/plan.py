@@ -115,10 +115,10 @@ def plan_all(
             log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
             return build_refusal(reason)
 
-    many = int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1))
+    many = min(int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1)), len(rows))
     planned: list[dict[str, Any]] = []
     # Several at a time for a backend that has to be awaited; an interruption ends the threads.
-    pool = ThreadPool(many) if min(many, len(rows)) > 1 else nullcontext()
+    pool = ThreadPool(many) if many > 1 else nullcontext()
     try:
         with pool as several:
             plans = map(plan_one, rows) if several is None else several.imap(plan_one, rows)
