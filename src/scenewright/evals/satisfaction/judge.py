@@ -221,9 +221,8 @@ def read_submission(folder: Path, identity: str, *, intersection: str) -> Submis
         elif proof.verdict == "partly":
             fault = proof.describe_verdict()
         agents = see_agents(read_users(record), load_map(record.meta.intersection))
-        return Submission(
-            agents, (*proof.events, *proof.incidental), record.meta.time_of_day, fault
-        )
+        events = (*proof.events, *proof.incidental)
+        return Submission(agents, events, record.meta.time_of_day, fault)
     files = sorted(path for path in folder.glob(f"{name}.*") if path.is_file())
     if len(files) > 1:
         raise InputError(f"{files[0]} and {files[1]} are both for {identity}; keep one")
