@@ -89,7 +89,7 @@ def test_what_a_function_takes_is_passed_on_by_name() -> None:
 
 def test_a_request_is_spelt_as_the_words_that_ask_for_it() -> None:
     asked = RunOptions(workers=2, backend=["openai:m", "filter=builtin"], lawful=True, seed=3)
-    words = ["--backend", "openai:m", "--backend", "filter=builtin", "--workers", "2", "--lawful"]
+    words = ["--backend", "openai:m", "--backend", "filter=builtin", "--lawful", "--workers", "2"]
     assert asked.list_words() == [*words, "--seed", "3"]
     assert RunOptions().list_words() == []
     command: Any = typer.main.get_command(app).commands["batch"]  # type: ignore[attr-defined]
