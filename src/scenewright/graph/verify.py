@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from scenewright.errors import InputError
 from scenewright.graph.run import Scene
 from scenewright.graph.scene_files import find_scene_file, read_content, read_proof, read_scene
-from scenewright.graph.written_proof import compare_origin, compare_proofs
+from scenewright.graph.written_proof import find_contradiction, find_other_origin
 from scenewright.intersections import load_map
 from scenewright.scene.bounds import find_excess
 from scenewright.scene.digest import digest_scene
@@ -53,10 +53,13 @@ def verify(
     proof = prove(record, load_map(name), labelled=True)
     proof = proof.model_copy(update={"scene_digest": digest})
     other_map = name != record.meta.intersection
-    proof = compare_proofs(proof, written, strict=strict, other_map=other_map)
+    against = [find_contradiction(proof, written, strict=strict, other_map=other_map)]
     if strict and isinstance(scene, str | Path):
-        proof = compare_origin(proof, file.with_name("provenance.json"))
-    return proof
+        against.append(find_other_origin(proof, file.with_name("provenance.json")))
+    if not any(against):
+        return proof
+    missing = (*proof.missing, *filter(None, against))
+    return proof.model_copy(update={"verified": False, "missing": missing})
 
 
 def verify_tracks(
