@@ -27,7 +27,7 @@ from robustness import compute_wilson
 
 from scenewright.errors import Unsatisfiable
 from scenewright.graph.find import find_hits, load_sources, read_query
-from scenewright.graph.run import load_tracks
+from scenewright.graph.verify import load_tracks
 
 _load = cache(load_tracks)
 LABELS = Path(__file__).with_name("find_windows.jsonl")

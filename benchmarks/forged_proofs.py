@@ -33,7 +33,7 @@ from pydantic import ValidationError
 
 from scenewright import synthesize
 from scenewright.errors import InputError, Unsatisfiable
-from scenewright.graph.run import load_scene
+from scenewright.graph.scene_files import load_scene
 from scenewright.scene.digest import digest_scene
 from scenewright.scene.events import Proof
 

@@ -43,7 +43,8 @@ from robustness import REQUESTS
 import scenewright
 from authoring import EDITS
 from scenewright.errors import ScenewrightError
-from scenewright.graph.run import Scene, encode_scene
+from scenewright.graph.run import Scene
+from scenewright.graph.scene_files import encode_scene
 from scenewright.intersections import find_bundle_folder
 from scenewright.nodes.prompts import LONGEST_REQUEST
 

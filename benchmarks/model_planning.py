@@ -40,7 +40,7 @@ from scenewright.backends.text_backend import Completion, TextBackend, compute_k
 from scenewright.cli.plan import ATTEMPTS, build_refusal
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.evals.planning import PlanningShare, load
-from scenewright.graph.run import DEFAULT_INTERSECTION
+from scenewright.graph.arguments import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.nodes.scene_planner import ask_for_plan, describe_routes
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from robustness import REQUESTS
 
-from scenewright.graph.run import format_json_line
+from scenewright.files import format_json_line
 
 ROOT = Path(__file__).parent.parent
 FILES = ("scene.json", "proof.json")

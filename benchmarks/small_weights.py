@@ -36,7 +36,7 @@ from scenewright.backends.choosing import StagedBackend
 from scenewright.cli.plan import ask_for_plan
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.evals.planning import PlanningShare
-from scenewright.graph.run import DEFAULT_INTERSECTION
+from scenewright.graph.arguments import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.scene.plan_row import plan_to_row
 

@@ -28,7 +28,7 @@ from robustness import REQUESTS
 from scenewright import plan, synthesize
 from scenewright.backends.builtin import planner
 from scenewright.errors import ScenewrightError
-from scenewright.graph.run import encode_proof, encode_scene
+from scenewright.graph.scene_files import encode_proof, encode_scene
 
 ROOT = Path(__file__).parent.parent
 

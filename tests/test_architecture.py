@@ -92,8 +92,10 @@ def test_public_surface() -> None:
         "export",
         "load_backend",
         "load_intersection",
+        "load_tracks",
         "plan",
         "synthesize",
         "verify",
+        "verify_tracks",
     ]
     assert all(getattr(scenewright, name) is not None for name in scenewright.__all__)

@@ -27,10 +27,12 @@ class ScenewrightError(Exception):
     """Base of every error that scenewright raises on purpose.
 
     Attributes:
+        code: of its kind, for programs; exit_code: of the process that ends with it.
         models: what models were asked and took until then, by task, as provenance has it.
         called: how people call the agents of the plan that came to nothing, by name.
     """
 
+    code = "internal_error"
     exit_code = 1
 
     def __init__(self, *words: object) -> None:
@@ -46,6 +48,7 @@ class InputError(ScenewrightError):
         lines: the message; one line for each fault of a file.
     """
 
+    code = "unusable_input"
     exit_code = 2
 
     def __init__(self, *lines: object) -> None:
@@ -64,6 +67,7 @@ class Unsatisfiable(ScenewrightError):
         rejections: every rejection on the way, oldest first.
     """
 
+    code = "unsatisfiable"
     exit_code = 3
 
     def __init__(self, message: str, rejections: tuple[Rejection, ...] = ()) -> None:
@@ -84,6 +88,7 @@ class BackendFault(ScenewrightError):
         rejections: what was wrong with its answers, oldest first, where it gave any.
     """
 
+    code = "backend_failed"
     exit_code = 4
 
     def __init__(

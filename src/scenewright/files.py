@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from scenewright.errors import InputError
 
@@ -24,6 +27,34 @@ def write_atomically(path: str | Path, data: bytes) -> None:
         if isinstance(error, OSError):
             raise InputError(f"cannot write {target}: {error.strerror or error}") from error
         raise
+
+
+def make_folder(folder: str | Path) -> Path:
+    """The folder, made if need be; InputError if it cannot be."""
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make folder {target}: {error.strerror or error}") from error
+    return target
+
+
+def write_files(folder: str | Path, files: Mapping[str, bytes]) -> Path:
+    """Write files into a folder, which is made if need be, each as `write_atomically`; the folder.
+
+    Raises:
+        InputError: the folder cannot be made, or a file not be written.
+    """
+    target = make_folder(folder)
+    for name, data in files.items():
+        write_atomically(target / name, data)
+    return target
+
+
+def format_json_line(value: Any) -> bytes:
+    """A value as one line of JSON: the same value, the same bytes."""
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return (text + "\n").encode("utf-8", "backslashreplace")
 
 
 def find_env_folder(variable: str) -> Path | None:

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from scenewright.errors import InputError
-from scenewright.graph.run import load_scene, load_tracks, verify
+from scenewright.graph.scene_files import load_scene
+from scenewright.graph.verify import load_tracks, verify
 from scenewright.scene.record import AgentRecord, SceneMeta, SceneRecord
 from scenewright.tools.formats import sample_table
 

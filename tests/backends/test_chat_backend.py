@@ -28,7 +28,14 @@ from benchmarks.inlined_schema import inline_references
 from leaving import YIELD
 from scenewright import synthesize, verify
 from scenewright.backends import Prompt, Question, load_backend
-from scenewright.backends.chat import ChatModel, Limits, load_chat_model, naming, retry
+from scenewright.backends.chat import (
+    ChatModel,
+    Limits,
+    bounded_client,
+    load_chat_model,
+    naming,
+    retry,
+)
 from scenewright.backends.chat.retry import RetryPolicy
 from scenewright.backends.text_backend import TextBackend
 from scenewright.cli.main import main
@@ -355,12 +362,11 @@ def test_garbled_numbers_are_no_answers(server: Server) -> None:
 
 
 def anthropic(server: Server) -> ChatModel:
-    made = naming._load_anthropic(
-        "m", key=KEY, base_url=server.url.removesuffix("/v1"), timeout=30.0, max_tokens=3000,
-        most_bytes=0,
-    )  # fmt: skip
-    limits = Limits(retries=RetryPolicy(attempts=ATTEMPTS))
-    return ChatModel(naming.Endpoint(made, "anthropic:m", KEY), limits=limits)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setitem(naming._HOME, "anthropic", server.url.removesuffix("/v1"))
+        patched.setenv("ANTHROPIC_API_KEY", KEY)
+        endpoint = load_chat_model("anthropic:m", timeout=30.0, max_tokens=3000)
+    return ChatModel(endpoint, limits=Limits(retries=RetryPolicy(attempts=ATTEMPTS)))
 
 
 def test_a_model_of_anthropic_is_asked_under_the_same_schema(server: Server) -> None:
@@ -493,4 +499,4 @@ def test_a_proxy_is_the_environments(
     for name in ("HTTP_PROXY", "HTTPS_PROXY"):
         monkeypatch.setenv(name, "http://127.0.0.1:3128")
     monkeypatch.setenv("NO_PROXY", "inside.example")
-    assert naming._find_proxy(url) == proxy
+    assert bounded_client._find_proxy(url) == proxy

@@ -16,7 +16,7 @@ from scenewright.backends.choosing import StagedBackend
 from scenewright.backends.recorded import Answers, record_answers, replay_answers
 from scenewright.backends.text_backend import Completion
 from scenewright.errors import BackendFault, InputError
-from scenewright.graph.run import encode_scene
+from scenewright.graph.scene_files import encode_scene
 from scenewright.nodes.revision import Turn, read_by_model
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.scene.edits import AgentView, Edits, Situation

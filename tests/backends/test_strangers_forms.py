@@ -8,7 +8,8 @@ from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.words import find_class
 from scenewright.backends.builtin.spelling import mend_spelling
-from scenewright.graph.run import DEFAULT_INTERSECTION, synthesize
+from scenewright.graph.arguments import DEFAULT_INTERSECTION
+from scenewright.graph.run import synthesize
 from scenewright.intersections import load_map
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.social import Refusal, SocialGraph

@@ -12,7 +12,7 @@ from scenewright import synthesize
 from scenewright.backends import Question, load_backend
 from scenewright.backends.text_backend import TextBackend
 from scenewright.errors import ScenewrightError
-from scenewright.graph.run import encode_scene
+from scenewright.graph.scene_files import encode_scene
 from scenewright.nodes.prompts import Example, format_rejections, quote_text
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.nodes.scene_planner.prompts import render_plan_prompt

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from starlette.testclient import TestClient
 
 from scenewright.backends import load_backend
+from scenewright.cli.batch import RunOptions
 from scenewright.cli.find import Search
 from scenewright.cli.main import app, main
 from scenewright.cli.options import Asked, SessionOptions
@@ -84,6 +85,16 @@ def test_what_a_function_takes_is_passed_on_by_name() -> None:
         inner: Inner = Inner()
 
     assert Outer().pass_on(synthesize) == {"seed": 3, "lawful": True}
+
+
+def test_a_request_is_spelt_as_the_words_that_ask_for_it() -> None:
+    asked = RunOptions(workers=2, backend=["openai:m", "filter=builtin"], lawful=True, seed=3)
+    words = ["--backend", "openai:m", "--backend", "filter=builtin", "--lawful", "--workers", "2"]
+    assert asked.list_words() == [*words, "--seed", "3"]
+    assert RunOptions().list_words() == []
+    command: Any = typer.main.get_command(app).commands["batch"]  # type: ignore[attr-defined]
+    given = command.make_context("batch", ["IN", "--out", "o", *asked.list_words()]).params
+    assert {key: given[key] for key in vars(asked)} == vars(asked)
 
 
 def test_scenes_of_a_folder_are_found_by_every_command(

@@ -23,6 +23,7 @@ from starlette.testclient import TestClient
 from inline_jobs import run_jobs_inline
 from scenewright import verify
 from scenewright.backends import load_backend
+from scenewright.cli.batch import RunOptions
 from scenewright.cli.main import main
 from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.routes import read_bytes
@@ -185,11 +186,10 @@ def test_a_change_by_hand_is_solved_and_verified_like_words(client: TestClient) 
     assert nonsense["kind"] == "refused"
 
 
-def make_in_this_process(folder: Path, time_limit: float, **_: object) -> subprocess.Popen[bytes]:
+def make_in_this_process(folder: Path, run: RunOptions) -> subprocess.Popen[bytes]:
     """What the process of a batch does, without starting one."""
     rows, out = str(folder / "rows.jsonl"), str(folder / "out")
-    limit = ["--time-limit", str(time_limit)]
-    assert main(["batch", rows, "--out", out, "--workers", "1", "--quiet", *limit]) == 0
+    assert main(["batch", rows, "--out", out, "--quiet", *run.list_words()]) == 0
     return subprocess.Popen([sys.executable, "-c", ""])
 
 

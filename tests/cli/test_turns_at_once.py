@@ -16,6 +16,7 @@ from scenewright.authoring.versions import EditResult, Make, begin
 from scenewright.backends import load_backend
 from scenewright.cli.mcp import build_server
 from scenewright.cli.options import SessionOptions
+from scenewright.cli.page.asked import NewThread
 from scenewright.cli.page.conversations import Conversations
 from scenewright.errors import BusyError
 from scenewright.graph.run import synthesize
@@ -119,7 +120,7 @@ def test_another_process_waits_as_well(tmp_path: Path) -> None:
 
 def test_the_page_refuses_a_turn_while_another_is_worked_on(tmp_path: Path) -> None:
     opened = Conversations(SessionOptions(threads=str(tmp_path / "t.sqlite"), seed=1), BACKEND)
-    found = opened.create("amsterdam_120")
+    found = opened.create(NewThread("amsterdam_120"))
     with ThreadPoolExecutor(1) as pool, found.session.take_turn():
         second = pool.submit(found.act, "undo", "", lambda _stage, _line: None)
         with pytest.raises(BusyError, match="still being worked on"):

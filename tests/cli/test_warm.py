@@ -16,7 +16,7 @@ from scenewright.cli import warm as command
 from scenewright.cli.main import main
 from scenewright.compiled import compiled
 from scenewright.graph import run
-from scenewright.graph.run import examine_tracks
+from scenewright.graph.verify import examine_tracks
 from scenewright.tools.trajnet_refiner import rollout
 from scenewright.tools.trajnet_refiner.rollout import run_rollout
 
@@ -74,7 +74,7 @@ def test_the_second_process_runs_what_comes_last_in_a_scene(
 
     monkeypatch.setattr(command.signal, "signal", lambda *_: None)
     monkeypatch.setattr(rollout, "run_rollout", roll)
-    monkeypatch.setattr(run, "examine_tracks", examine)
+    monkeypatch.setattr("scenewright.graph.verify.examine_tracks", examine)
     command.compile_last_stages(SimpleNamespace(value=0))
     assert np.isfinite(rolled[0]).all()
     assert {"collision", "near_miss", "follow"} <= set(seen)

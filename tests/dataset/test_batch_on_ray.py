@@ -45,7 +45,7 @@ def test_a_killed_worker_costs_nothing_and_doubles_nothing(tmp_path: Path) -> No
 
 ALONE = """
 import os, signal, time
-from scenewright.dataset.batch import cluster
+from scenewright.dataset.batch import carry_out
 from scenewright.dataset.batch.pool import Died, Overdue
 
 def work(job):
@@ -56,10 +56,10 @@ def work(job):
     return job
 
 def calm(job):
-    cluster.WARM_UP = 0.0
-    return cluster.within(1.0, work, job)
+    carry_out.WARM_UP = 0.0
+    return carry_out.run_within(1.0, work, job)
 
-done = dict(cluster.spread_on_ray(range(16), calm, workers=2))
+done = dict(carry_out.spread_on_ray(range(16), calm, workers=2))
 assert done == {k: k for k in range(16)} | {3: Died(None), 12: Overdue(1.0)}, done
 print("all there")
 """

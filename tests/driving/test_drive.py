@@ -28,7 +28,8 @@ from scenewright.driving.scenario import Scenario, build_scenario
 from scenewright.driving.scores import ScoreInputs, measure_comfort, score_epdms, score_nuplan
 from scenewright.driving.world import Replay, find_overlaps, start_world
 from scenewright.errors import InputError
-from scenewright.graph.run import load_scene, verify
+from scenewright.graph.scene_files import load_scene
+from scenewright.graph.verify import verify
 from scenewright.intersections import load_map
 from scenewright.scene.record import SceneRecord
 

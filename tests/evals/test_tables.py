@@ -26,7 +26,7 @@ from scenewright.evals.tables.likelihood import (
     score_scene,
 )
 from scenewright.evals.tables.reading import Dataset, InstructionRow, compute_robustness
-from scenewright.graph.run import load_scene
+from scenewright.graph.scene_files import load_scene
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors, sample_waypoints
 

@@ -23,7 +23,7 @@ import pytest
 
 import scenewright
 from scenewright.errors import ScenewrightError
-from scenewright.graph.run import load_scene
+from scenewright.graph.scene_files import load_scene
 from scenewright.intersections import load_map
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.record import SceneRecord

@@ -19,7 +19,7 @@ from scenewright.graph.find import (
     read_query,
     save_clip,
 )
-from scenewright.graph.run import load_scene
+from scenewright.graph.scene_files import load_scene
 
 TEXTS = (
     "A car yields to a pedestrian and a cyclist follows",

@@ -12,7 +12,8 @@ from inline_jobs import run_jobs_inline
 from scenewright import synthesize, verify
 from scenewright.cli.main import main
 from scenewright.errors import InputError
-from scenewright.graph.run import encode_scene, plan_instruction
+from scenewright.graph.run import plan_instruction
+from scenewright.graph.scene_files import encode_scene
 from scenewright.scene.plan_file import format_plan, read_plan
 from scenewright.scene.social import SocialGraph
 

@@ -12,7 +12,7 @@ import pytest
 from scenewright import synthesize, verify
 from scenewright.cli.main import main
 from scenewright.errors import InputError
-from scenewright.graph.run import encode_scene, load_scene
+from scenewright.graph.scene_files import encode_scene, load_scene
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.record import SceneRecord
 

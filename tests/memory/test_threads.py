@@ -6,6 +6,7 @@ import json
 import multiprocessing
 import sqlite3
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,17 @@ def test_products_come_back_to_the_last_bit() -> None:
         path, other_path = each.agent.candidate.path, other.agent.candidate.path
         assert path.curvature.tobytes() == other_path.curvature.tobytes()
         assert each.agent.stops == other.agent.stops
+
+
+def test_no_field_of_an_agent_is_forgotten() -> None:
+    earlier = first_version()
+    name, agent = next(iter(earlier.agents.items()))
+    led = replace(agent, agent=replace(agent.agent, group="pedestrian-9", exact=True))
+    again = deserialize_version(serialize_version(replace(earlier, agents={name: led})))
+    assert (again.agents[name].agent.group, again.agents[name].agent.exact) == (
+        "pedestrian-9",
+        True,
+    )
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenewright import synthesize, verify
-from scenewright.graph.run import encode_scene
+from scenewright.graph.scene_files import encode_scene
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 
 pytestmark = pytest.mark.skipif(
@@ -47,7 +47,7 @@ def test_the_same_seed_gives_the_same_bytes_in_a_process_without_any_extra():
         "for name in ('torch', 'sklearn', 'rerun', 'pyarrow', 'starlette'):\n"
         "    sys.modules[name] = None\n"
         "from scenewright import synthesize, verify\n"
-        "from scenewright.graph.run import encode_scene\n"
+        "from scenewright.graph.scene_files import encode_scene\n"
         f"made = synthesize({text!r}, seed=4, refiner='trajnet')\n"
         "assert verify(made.record).verified\n"
         "sys.stdout.buffer.write(encode_scene(made.record))"

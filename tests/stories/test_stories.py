@@ -19,7 +19,8 @@ from scenewright import synthesize, verify
 from scenewright.backends import Question, Task
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.graph import run
-from scenewright.graph.run import Scene, encode_scene
+from scenewright.graph.run import Scene
+from scenewright.graph.scene_files import encode_scene
 from scenewright.scene.record import SignalRecord
 
 EXAMPLES = (Path(__file__).parents[2] / "examples" / "instructions.txt").read_text("utf-8")

@@ -15,12 +15,9 @@ from langchain_core.messages import AIMessage, AnyMessage, HumanMessage, SystemM
 
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
-from scenewright.graph.run import (
-    DEFAULT_INTERSECTION,
-    ProgressCallback,
-    format_json_line,
-    ground_of,
-)
+from scenewright.files import format_json_line
+from scenewright.graph.arguments import DEFAULT_INTERSECTION
+from scenewright.graph.run import ProgressCallback, ground_of
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.toolbox import Recorder, ToolState, build_tools
 from scenewright.scene.events import Proof

@@ -55,15 +55,11 @@ from scenewright.authoring.versions import EditResult, begin, change
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
 from scenewright.backends.offline import WORDS, begins_anew, compile_words, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
-from scenewright.graph.run import (
-    ProgressCallback,
-    check_arguments,
-    encode_proof,
-    encode_scene,
-    format_json_line,
-    sum_costs_by_task,
-    synthesize,
-)
+from scenewright.files import format_json_line
+from scenewright.graph.arguments import check_arguments
+from scenewright.graph.provenance import sum_costs_by_task
+from scenewright.graph.run import ProgressCallback, synthesize
+from scenewright.graph.scene_files import encode_proof, encode_scene
 from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
 from scenewright.memory.threads import Threads

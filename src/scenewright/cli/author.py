@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenewright.cli.console import ProgressCallback, Result
-from scenewright.cli.options import Asked, BaseUrl, TimeLimit, Timeout, argument, option
+from scenewright.cli.options import EndpointOptions, PlaceOptions, argument, option
 from scenewright.cli.output_folder import plan_folder
 from scenewright.cli.views import save_scene
-from scenewright.time_limit import DEFAULT_LIMIT
 
 _SECONDS, _MOST_TOKENS = 120.0, 4096
 
 
 @dataclass(frozen=True)
-class AuthorOptions(Asked):
+class AuthorOptions(PlaceOptions, EndpointOptions):
     """How the agent that makes a scene is asked."""
 
     model: str | None = option(
@@ -24,10 +23,6 @@ class AuthorOptions(Asked):
         "Model that calls the tools, such as openai:MODEL; else a fixed router.",
         metavar="NAME",
     )
-    base_url: BaseUrl = None
-    timeout: Timeout = None
-    time_limit: TimeLimit = DEFAULT_LIMIT
-    intersection: str = option("amsterdam_120", "Where it happens.")
     seed: int = option(0, "Of everything drawn.", min=0)
     most_calls: int = option(24, "Most calls of tools.", min=1, max=200)
 
@@ -44,7 +39,7 @@ def author(
     from scenewright.authoring.agent import format_provenance
     from scenewright.cli.make import read_instruction
     from scenewright.cli.scene_summary import format_verdict
-    from scenewright.graph.run import encode_proof, encode_scene
+    from scenewright.graph.scene_files import encode_proof, encode_scene
 
     instruction, choose = read_instruction(text), plan_folder(out, force=None)
     model, hide = _load_model(options)

@@ -16,19 +16,16 @@ import typer
 from scenewright.cli.console import Result, format_one_line, is_terminal, log_line, show_progress
 from scenewright.cli.interrupts import keep, stop_if_asked
 from scenewright.cli.options import (
-    Asked,
     DrawOptions,
-    Lawful,
+    LawOptions,
     MaxAgents,
     ModelOptions,
     Quiet,
-    TimeLimit,
     argument,
     option,
 )
 from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
-from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.dataset.batch.carry_out import Progress, ProgressCallback
@@ -47,24 +44,21 @@ Workers = Annotated[
 
 
 @dataclass(frozen=True)
-class SceneOptions(Asked):
+class SceneOptions(LawOptions):
     """How the scenes of a run are made, and on how many processes."""
 
     workers: Workers = None
     row_timeout: float | None = option(
         None, "Longest that one row may take [s]; half an hour if not said.", metavar="S"
     )
-    time_limit: TimeLimit = DEFAULT_LIMIT
-    lawful: Lawful = False
     refiner: str | None = option(None, "Learned refinement of the tracks: trajnet or none.")
-    intersection: str = option("amsterdam_120", "Where it happens.")
     seed: int = option(0, "Rows without a seed get one from this and their id.")
 
     def build_options(self, **others: Any) -> Options:
         """What all rows share; `others` are further fields of `Options`, or other values."""
         from scenewright.dataset.batch.answering import BUILTIN
         from scenewright.dataset.batch.worker import Options
-        from scenewright.graph.run import choose_refiner, find_refiner_gap
+        from scenewright.graph.arguments import choose_refiner, find_refiner_gap
 
         given = self.pass_on(Options) | others
         given["backend"] = tuple(given.get("backend") or BUILTIN)

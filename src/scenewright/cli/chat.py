@@ -151,7 +151,7 @@ class _ChatLoop:
             folder = [str(Path("scenes") / reply["name"])] if "name" in reply else []
             return self._commands[reply["wish"]](folder)
         except InputError as error:
-            return {"kind": "refused", "code": "unusable_input", "reason": str(error)}
+            return {"kind": "refused", "code": error.code, "reason": str(error)}
 
     def _run_turn(self, words: str) -> dict[str, Any]:
         """One turn; Ctrl-C gives it up and leaves the thread as it was."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,41 +12,39 @@ from scenewright.cli.batch import Out, count_cores
 from scenewright.cli.console import ProgressCallback, Result, count, shorten, write_stdout
 from scenewright.cli.errors import NOT_VERIFIED
 from scenewright.cli.interrupts import stop_if_asked
-from scenewright.cli.options import Commands, argument, option
+from scenewright.cli.options import Asked, Commands, argument, option
 
-To = Annotated[
-    str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
-]
-Form = Annotated[
-    str | None,
-    typer.Option(help="Form, of formats with several: replay, reactive; window, whole, example."),
-]
-Ego = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Agent that is left to you, such as vehicle-1.")
-]
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions(Asked):
+    """In which format scenes are written, and where."""
+
+    to: str = option(..., "Format; docs/exports.md lists them all.", metavar="FORMAT")
+    out: Out
+    form: str | None = option(
+        None, "Form, of formats with several: replay, reactive; window, whole, example."
+    )
+    ego: str | None = option(None, "Agent that is left to you, such as vehicle-1.", metavar="NAME")
+    intersection: str | None = option(None, "Map to use, not the one the scene names.")
+    plan: str | None = option(
+        None, "Plan whose open speeds become OpenSCENARIO distributions.", metavar="F"
+    )
 
 
 def export(
     *,
     scenes: list[str] = argument(..., "scene.json, or folders of scenes.", metavar="SCENE..."),
-    to: To,
-    out: Out,
-    form: Form = None,
-    ego: Ego = None,
-    intersection: str | None = option(None, "Map to use, not the one the scene names."),
-    plan: str | None = option(
-        None, "Plan whose open speeds become OpenSCENARIO distributions.", metavar="F"
-    ),
+    options: ExportOptions,
 ) -> Result:
     """Write scenes in another format; docs/exports.md describes each."""
     from scenewright.cli.verify import list_scene_files
     from scenewright.graph.export import export as write
 
     given = [each for path in scenes for each in list_scene_files(path)]
-    files = write(given, to, Path(out), form=form, ego=ego, intersection=intersection, plan=plan)
-    facts = {"format": to, "scenes": len(given), "out": out, "files": list(map(str, files))}
-    counts = f"{count(len(given), 'scene')} as {to}: {count(len(files), 'file')}"
-    return Result(facts, f"{out}\n", notes=[counts])
+    files = write(given, **options.pass_on(write))
+    facts = {"format": options.to, "scenes": len(given), "out": options.out}
+    counts = f"{count(len(given), 'scene')} as {options.to}: {count(len(files), 'file')}"
+    return Result({**facts, "files": list(map(str, files))}, f"{options.out}\n", notes=[counts])
 
 
 dataset = Commands(name="dataset", help="Datasets of scenes: check them, make the paper's.")
@@ -136,15 +134,9 @@ def sign(
 
 
 @dataset.command("export")
-def export_dataset(
-    folder: Folder,
-    to: To,
-    out: Out,
-    form: Form = None,
-    ego: Ego = None,
-) -> Result:
+def export_dataset(folder: Folder, options: ExportOptions) -> Result:
     """Write every scene of a dataset in another format; docs/exports.md describes each."""
     from scenewright.dataset.batch.manifest import read_manifest
 
     read_manifest(Path(folder))  # it is a finished dataset
-    return export(scenes=[folder], to=to, out=out, form=form, ego=ego, intersection=None, plan=None)
+    return export(scenes=[folder], options=options)

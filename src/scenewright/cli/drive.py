@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,12 +20,12 @@ from scenewright.cli.console import (
     tell,
 )
 from scenewright.cli.errors import NOT_VERIFIED, UNUSABLE
-from scenewright.cli.options import Asked, Quiet, TimeLimit, argument, option
+from scenewright.cli.options import PlaceOptions, Quiet, argument, option
 from scenewright.cli.output_folder import fill_folder, target_folder, try_file
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.extras import describe_missing, require_extra
 from scenewright.files import write_atomically
-from scenewright.time_limit import DEFAULT_LIMIT
+from scenewright.intersections import SHIPPED
 
 if TYPE_CHECKING:
     from scenewright.driving.benchmark import BenchmarkScene, Row
@@ -38,7 +38,7 @@ FailOn = Literal["collision", "at-fault"]
 
 
 @dataclass(frozen=True)
-class DriveOptions(Asked):
+class DriveOptions(PlaceOptions):
     """A drive: the scene, the policy that drives its ego, and the reports that are written."""
 
     text_or_scene: str = argument(
@@ -58,9 +58,8 @@ class DriveOptions(Asked):
     ego: str | None = option(None, "Agent to drive, such as vehicle-1.", metavar="NAME")
     n: int | None = option(None, "Drives, each of a seed.", "--n", min=1)
     seed: int = option(0, "Seed of the first drive.", min=0)
-    intersection: str = option("amsterdam_120", "Where a text happens.")
+    intersection: str = option(SHIPPED, "Where a text happens.")
     step_limit: float = option(5.0, "Longest a policy may take for an answer [s].", min=0.01)
-    time_limit: TimeLimit = DEFAULT_LIMIT
     fail_on: FailOn | None = option(
         None, "End in 1 after a collision of the ego, or after one that is its fault."
     )
@@ -77,8 +76,8 @@ class DriveOptions(Asked):
                 "name a text, a scene folder or --benchmark; --serve goes without --out"
             )
         fixed = ("others", "ego", "seed", "intersection", "time_limit")
-        wrong = [each.name for each in fields(self) if each.name in fixed
-                 and getattr(self, each.name) != each.default]  # fmt: skip
+        usual = DriveOptions()
+        wrong = [name for name in fixed if getattr(self, name) != getattr(usual, name)]
         if self.benchmark and wrong:
             names = " and ".join(f"--{name.replace('_', '-')}" for name in wrong)
             raise InputError(f"the scenes of the benchmark are fixed, without {names}")

@@ -64,12 +64,10 @@ def to_cli_error(error: BaseException) -> CliError:
     match error:
         case Unsatisfiable():
             return _describe_unsatisfiable(error, costs)
-        case BackendFault():
-            reason = format_one_line(str(error))
-            return CliError("backend_failed", error.exit_code, reason, costs)
-        case InputError():
-            reason = "\n".join(map(format_one_line, error.lines))
-            return CliError("unusable_input", UNUSABLE, reason, costs)
+        case InputError() | BackendFault():
+            lines = error.lines if isinstance(error, InputError) else [str(error)]
+            reason = "\n".join(map(format_one_line, lines))
+            return CliError(error.code, error.exit_code, reason, costs)
         case MemoryError():
             return CliError("out_of_memory", UNUSABLE, "there is not enough memory for this")
         case OSError():
@@ -99,4 +97,4 @@ def _describe_unsatisfiable(error: Unsatisfiable, costs: dict[str, Any]) -> CliE
     if advice is not None and not reason.endswith((".", "!", "?")):
         reason += "."
     line = reason if advice is None else f"{reason} {advice}"
-    return CliError("unsatisfiable", error.exit_code, line, details)
+    return CliError(error.code, error.exit_code, line, details)

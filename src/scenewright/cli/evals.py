@@ -13,6 +13,7 @@ from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.options import BoardOptions, Commands, argument, option
 from scenewright.cli.output_folder import try_folder, write_report
 from scenewright.errors import InputError
+from scenewright.files import write_atomically, write_files
 
 if TYPE_CHECKING:
     from scenewright.evals.trajnet.recording import BenchmarkRecording
@@ -38,6 +39,7 @@ def score_trajnet(
     The refiner predicts without goals, given each pedestrian's destination, and given where it is
     at the end of the scene. Files without the future are predicted but not scored.
     """
+    from scenewright.evals.trajnet.recording import read_recording
     from scenewright.evals.trajnet.score import evaluate
     from scenewright.extras import require_extra
 
@@ -45,7 +47,8 @@ def score_trajnet(
         require_extra(
             "learn", "predicting the benchmark", "torch", otherwise="score without --weights"
         )
-    recordings = read_recordings(files)
+    recordings = [read_recording(Path(file)) for file in files]
+    check_distinct([each.name for each in recordings], "files are called", "rename one of them")
     evaluated = evaluate(
         recordings,
         weights=None if weights is None else Path(weights),
@@ -57,19 +60,6 @@ def score_trajnet(
     facts = {"files": files, "out": out, "results": [each.to_json() for each in evaluated]}
     none = "note: no file holds what really happened, so there is nothing to score"
     return Result(facts, text, notes=[] if evaluated[0].rows else [none])
-
-
-def read_recordings(files: Iterable[str]) -> list[BenchmarkRecording]:
-    """Every file, in order.
-
-    Raises:
-        InputError: one is no TrajNet++ file, or two have the same name.
-    """
-    from scenewright.evals.trajnet.recording import read_recording
-
-    recordings = [read_recording(Path(file)) for file in files]
-    check_distinct([each.name for each in recordings], "files are called", "rename one of them")
-    return recordings
 
 
 def check_distinct(names: list[str], what: str, advice: str) -> None:
@@ -87,16 +77,16 @@ def write_predictions(
         InputError: it cannot be written.
     """
     from scenewright.evals.trajnet.score import format_predictions
-    from scenewright.files import write_atomically
-    from scenewright.graph.run import make_folder
 
     for each in evaluated:
         name = each.predictor.replace(" ", "_")
-        place = folder / (name if each.goals == "none" else f"{name}_told_{each.goals}")
-        make_folder(place)
-        for recording, scenes in zip(recordings, each.predicted, strict=True):
-            text = "".join(line + "\n" for line in format_predictions(recording, scenes))
-            write_atomically(place / f"{recording.name}.ndjson", text.encode())
+        files = {
+            f"{recording.name}.ndjson": "".join(
+                line + "\n" for line in format_predictions(recording, scenes)
+            ).encode()
+            for recording, scenes in zip(recordings, each.predicted, strict=True)
+        }
+        write_files(folder / (name if each.goals == "none" else f"{name}_told_{each.goals}"), files)
 
 
 def format_scores(evaluated: Evaluated) -> str:
@@ -147,7 +137,6 @@ def score_realism(
     require_extra("learn", "judging realism", "sklearn")
     from scenewright.evals.realism.assessment import assess, draw_assessment
     from scenewright.evals.realism.sources import read_source
-    from scenewright.files import write_atomically
     from scenewright.intersections import load_map
     from scenewright.tools.gmm_sampler import load_priors
 
@@ -195,7 +184,6 @@ def score_satisfaction(
     """
     from scenewright.evals.planning import load
     from scenewright.evals.satisfaction import judge as judging
-    from scenewright.files import write_atomically
 
     labelled = [row for row in load("voices") if "disputed" not in row]
     if (folder is None) == (rows is None):

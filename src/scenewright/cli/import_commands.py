@@ -174,17 +174,6 @@ def format_rows(rows: Sequence[Junction]) -> str:
     return "".join(format_one_line(line, limit=240) + "\n" for line in lines)
 
 
-def draw_list(file: str, rows: Sequence[Junction], roads: Sequence[FloatArray], png: str) -> None:
-    """A picture of where the junctions lie, each with its id and its streets."""
-    from scenewright.viz.junction_list import JunctionMark, draw_junctions
-
-    marks = [
-        JunctionMark(row.id, row.xy, tuple(zip(row.bearings, row.streets, strict=True)))
-        for row in rows[:_MOST_DRAWN]
-    ]
-    draw_junctions(png, title=f"{file}: {len(rows)} junctions", marks=marks, roads=roads)
-
-
 intersections = Commands(name="intersections", help="The intersections that scenes can be made at.")
 
 
@@ -212,7 +201,13 @@ def show_junctions(
 
     found, roads = list_rows(file, street or ())
     if png is not None:
-        draw_list(file, found, roads, png)
+        from scenewright.viz.junction_list import JunctionMark, draw_junctions
+
+        marks = [
+            JunctionMark(each.id, each.xy, tuple(zip(each.bearings, each.streets, strict=True)))
+            for each in found[:_MOST_DRAWN]
+        ]
+        draw_junctions(png, title=f"{file}: {len(found)} junctions", marks=marks, roads=roads)
     facts = {"file": file, "junctions": list(map(describe, found))}
     return Result(facts, format_rows(found))
 
@@ -225,7 +220,6 @@ def export_map(
     ),
 ) -> None:
     """Write an intersection's map as OpenDRIVE or Lanelet2, by the ending of FILE."""
-    from scenewright.intersections import find_bundle_folder, load_map, read_bundle_header
     from scenewright.tools.formats.lanelet2 import write_lanelet2
     from scenewright.tools.formats.opendrive import write_opendrive
 

@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Literal
 
 from scenewright.cli.console import Result, show_progress, tell
 from scenewright.cli.options import (
-    Asked,
     DrawOptions,
-    Lawful,
+    LawOptions,
     ModelOptions,
     Quiet,
-    TimeLimit,
     argument,
     option,
 )
@@ -24,7 +22,6 @@ from scenewright.cli.output_folder import plan_folder
 from scenewright.cli.views import ViewKind, save_scene, write_view
 from scenewright.errors import InputError
 from scenewright.files import is_plan_file
-from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.graph.run import Scene
@@ -36,12 +33,10 @@ OFFERED = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class MakeOptions(Asked):
+class MakeOptions(LawOptions):
     """How `make` makes a scene, and what it writes."""
 
-    intersection: str = option("amsterdam_120", "Where it happens.")
     model: ModelOptions
-    time_limit: TimeLimit = DEFAULT_LIMIT
     seed: int = option(0, "The same seed makes the same scene.")
     refiner: str = option(
         "trajnet", "Learned refinement of the tracks, or none.", envvar="SCENEWRIGHT_REFINER"
@@ -52,7 +47,6 @@ class MakeOptions(Asked):
     )
     out: str | None = option(None, "Folder to write; scenes/ID if none is named.")
     force: bool = option(False, "Write into a folder that holds other files, too.")
-    lawful: Lawful = False
     gif: bool = option(False, "Add an animation, scene.gif.")
     html: bool = option(False, "Add a page that plays and explains it, scene.html.")
     no_picture: bool = option(False, "No scene.png.")
@@ -94,7 +88,8 @@ def make(
 ) -> Result:
     """Make a verified scene from an instruction or a plan and write it to a folder."""
     from scenewright.cli.scene_summary import summarize_scene
-    from scenewright.graph.run import check_plan, synthesize
+    from scenewright.graph.plan_faults import check_plan
+    from scenewright.graph.run import synthesize
     from scenewright.scene.plan_file import PlanFile
 
     asked, backend = read_request(text), options.model.load()

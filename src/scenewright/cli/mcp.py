@@ -23,7 +23,6 @@ from scenewright.authoring.explain import explain_refusal
 from scenewright.authoring.session import Session, SessionVersion
 from scenewright.cli.catalogue import format_entry, read_catalogue
 from scenewright.cli.coverage import read_encounters, to_json
-from scenewright.cli.errors import to_cli_error
 from scenewright.cli.find import Search, search
 from scenewright.cli.options import SessionOptions, collect, list_parameters, option
 from scenewright.cli.saved import SAVED, write_saved
@@ -32,7 +31,9 @@ from scenewright.cli.views import save_scene, save_version
 from scenewright.dataset.tables.coverage import measure_coverage, read_goals
 from scenewright.errors import InputError, Rejected, Unsatisfiable, describe_misfit
 from scenewright.extras import require_extra
-from scenewright.graph.run import check_arguments, encode_proof, encode_scene, verify
+from scenewright.graph.arguments import check_arguments
+from scenewright.graph.scene_files import encode_proof, encode_scene
+from scenewright.graph.verify import verify
 from scenewright.nodes.toolbox import ToolState
 from scenewright.scene.plan_file import read_plan
 from scenewright.scene.record import SceneRecord
@@ -105,7 +106,7 @@ def _answer_refusals(tool: Callable[..., dict[str, Any]]) -> Callable[..., dict[
         except TimeLimitReachedError as error:
             return {"ok": False, "code": "time_limit", "detail": str(error)}
         except (InputError, Unsatisfiable) as error:
-            return {"ok": False, "code": to_cli_error(error).code, "detail": str(error)}
+            return {"ok": False, "code": error.code, "detail": str(error)}
 
     own = list(list_parameters(tool, _describe_to_pydantic))
     run.__signature__ = inspect.signature(tool, eval_str=True).replace(parameters=own)  # type: ignore[attr-defined]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, field, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import (
@@ -27,6 +27,7 @@ import typer
 from scenewright.cli.console import Result, show_progress, show_result
 from scenewright.cli.output_folder import try_folder
 from scenewright.errors import InputError
+from scenewright.intersections import SHIPPED
 from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
@@ -76,6 +77,20 @@ class Asked:
             elif name in taken:
                 found[name] = each
         return found
+
+    def list_words(self) -> list[str]:
+        """The words of a command line that ask for the same: options that are not the default."""
+        words: list[str] = []
+        for each in fields(self):
+            value, name = getattr(self, each.name), f"--{each.name.replace('_', '-')}"
+            if isinstance(value, Asked):
+                words += value.list_words()
+            elif value is True and each.default is not True:
+                words.append(name)
+            elif value != each.default:
+                given = value if isinstance(value, list) else [value]
+                words += [word for item in given for word in (name, str(item))]
+        return words
 
 
 @dataclass(frozen=True)
@@ -151,9 +166,9 @@ def list_parameters(
     Args:
         describe: the annotation of a type and of what `option` noted of it.
     """
-    hints, fields = _get_hints(made), getattr(made, "__dataclass_fields__", {})
+    hints, noted = _get_hints(made), getattr(made, "__dataclass_fields__", {})
     for name, each in inspect.signature(made).parameters.items():
-        found, hint, default = fields.get(name, each.default), hints[name], each.default
+        found, hint, default = noted.get(name, each.default), hints[name], each.default
         if isinstance(found, Field) and "info" in found.metadata:
             hint = describe(hint, {**found.metadata, "name": name})
             default = each.empty if found.default is MISSING else found.default
@@ -180,16 +195,6 @@ def collect(made: Callable[..., Any], values: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-BaseUrl = Annotated[
-    str | None,
-    typer.Option(
-        metavar="URL",
-        help="OpenAI-compatible endpoint that serves the model, such as http://localhost:8000/v1.",
-    ),
-]
-Timeout = Annotated[
-    float | None, typer.Option(metavar="S", help="Longest wait for one reply of a model [s].")
-]
 MaxAgents = Annotated[
     int | None,
     typer.Option(
@@ -200,20 +205,42 @@ MaxAgents = Annotated[
     ),
 ]
 UNASKED = "Refuse scenes in which an agent runs a red light that no word asks for."
-Lawful = Annotated[bool, typer.Option("--lawful", help=UNASKED)]
-TimeLimit = Annotated[
-    float,
-    typer.Option(
-        "--time-limit",
-        metavar="S",
-        help="Emergency brake: longest that a scene may be computed [s], answers of models aside. "
-        "Counted work ends long before, and alone decides what is made.",
-    ),
-]
 
 
 @dataclass(frozen=True)
-class ModelOptions:
+class PlaceOptions(Asked):
+    """Where scenes happen, and how long one may take."""
+
+    intersection: str = option(SHIPPED, "Where it happens.")
+    time_limit: float = option(
+        DEFAULT_LIMIT,
+        "Emergency brake: longest that a scene may be computed [s], answers of models aside. "
+        "Counted work ends long before, and alone decides what is made.",
+        metavar="S",
+    )
+
+
+@dataclass(frozen=True)
+class LawOptions(PlaceOptions):
+    """The same, and whether a red light may be run."""
+
+    lawful: bool = option(False, UNASKED)
+
+
+@dataclass(frozen=True)
+class EndpointOptions:
+    """Where a model is asked, and how long it may take."""
+
+    base_url: str | None = option(
+        None,
+        "OpenAI-compatible endpoint that serves the model, such as http://localhost:8000/v1.",
+        metavar="URL",
+    )
+    timeout: float | None = option(None, "Longest wait for one reply of a model [s].", metavar="S")
+
+
+@dataclass(frozen=True)
+class ModelOptions(EndpointOptions):
     """Who plans and reasons, and how models are asked."""
 
     backend: list[str] | None = option(
@@ -222,11 +249,9 @@ class ModelOptions:
         "recorded:FILE; or STAGE=NAME, repeated, with planner, filter or reasoner.",
         metavar="NAME",
     )
-    base_url: BaseUrl = None
     record: str | None = option(
         None, "Keep every answer there; what it holds is not asked again.", metavar="FILE"
     )
-    timeout: Timeout = None
 
     def load(self) -> Backend:
         """The backend that the options name.
@@ -255,13 +280,11 @@ class DrawOptions(Asked):
 
 
 @dataclass(frozen=True)
-class SessionOptions(Asked):
+class SessionOptions(LawOptions):
     """What conversations of `chat`, `mcp` and `serve` begin with, and where they are kept."""
 
-    intersection: str = option("amsterdam_120", "Where new conversations happen.")
+    intersection: str = option(SHIPPED, "Where new conversations happen.")
     model: ModelOptions = ModelOptions()
-    time_limit: TimeLimit = DEFAULT_LIMIT
-    lawful: Lawful = False
     seed: int = option(0, "Of everything drawn, in a new conversation.")
     threads: str | None = option(None, "Where conversations are kept.", metavar="FILE")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from scenewright.errors import InputError
+from scenewright.files import write_files
 
 OutT = TypeVar("OutT", bound="str | Path | None")
 
@@ -118,14 +119,11 @@ def write_report(folder: str | Path, name: str, page: str, values: Mapping[str, 
     Raises:
         InputError: the folder cannot be made, or a file not be written.
     """
-    from scenewright.files import write_atomically
-    from scenewright.graph.run import make_folder
-
-    target = make_folder(folder)
     data = json.dumps(values, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
-    write_atomically(target / f"{name}.json", data.encode("utf-8", "backslashreplace"))
-    write_atomically(target / f"{name}.md", page.encode("utf-8", "backslashreplace"))
-    return target
+    texts = {f"{name}.json": data, f"{name}.md": page}
+    return write_files(
+        folder, {file: text.encode("utf-8", "backslashreplace") for file, text in texts.items()}
+    )
 
 
 def shorten_path(target: Path) -> Path:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import os
 import sys
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import replace
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,16 +115,21 @@ def plan_all(
             log_line(f"warning: row {format_one_line(row['id'], limit=60)!r}: {reason}")
             return build_refusal(reason)
 
-    many, planned = int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1)), []
+    many = min(int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1)), len(rows))
+    planned: list[dict[str, Any]] = []
+    # Several at a time for a backend that has to be awaited; an interruption ends the threads.
+    pool = ThreadPool(many) if many > 1 else nullcontext()
     try:
-        for row, plan in zip(rows, _map_in_threads(plan_one, rows, many), strict=True):
-            stop_if_asked()
-            name = row.get("id") if isinstance(row, dict) else None
-            # the id that a row came with, right or wrong, as far as one can be read from it
-            own = name if isinstance(name, str | int) else None
-            planned.append({**plan_to_row("", plan), "id": own})
+        with pool as several:
+            plans = map(plan_one, rows) if several is None else several.imap(plan_one, rows)
+            for row, plan in zip(rows, plans, strict=True):
+                stop_if_asked()
+                name = row.get("id") if isinstance(row, dict) else None
+                # the id that a row came with, right or wrong, as far as one can be read from it
+                own = name if isinstance(name, str | int) else None
+                planned.append({**plan_to_row("", plan), "id": own})
     except BackendFault as fault:
-        from scenewright.graph.run import sum_costs_by_task
+        from scenewright.graph.provenance import sum_costs_by_task
 
         fault.models = sum_costs_by_task(calls)
         raise
@@ -136,34 +141,6 @@ def plan_all(
         "input_tokens": sum(call.input_tokens or 0 for call in calls),
         "output_tokens": sum(call.output_tokens or 0 for call in calls),
     }
-
-
-def _map_in_threads(task: Callable[[Any], Plan], rows: list[Any], many: int) -> Iterator[Plan]:
-    """The results in order; several at a time for a backend that has to be awaited.
-
-    The threads do not outlive an interruption, as those of an executor would.
-    """
-    if min(many, len(rows)) <= 1:
-        yield from map(task, rows)
-        return
-    replies: list[Future[Plan]] = [Future() for _ in rows]
-    left = iter(list(zip(rows, replies, strict=True)))
-    turn = threading.Lock()
-
-    def work() -> None:
-        while True:
-            with turn:
-                row, reply = next(left, (None, None))
-            if reply is None:
-                return
-            try:
-                reply.set_result(task(row))
-            except BaseException as error:
-                reply.set_exception(error)
-
-    for _ in range(min(many, len(rows))):
-        threading.Thread(target=work, daemon=True).start()
-    yield from (reply.result() for reply in replies)
 
 
 def _find_fault(row: Any) -> str | None:
@@ -231,7 +208,8 @@ def format_plan_of(text: str, backend: Backend, intersection: str | None, *, osc
         InputError, Unsatisfiable, BackendFault: as `synthesize`.
     """
     from scenewright.files import is_plan_file
-    from scenewright.graph.run import DEFAULT_INTERSECTION, plan_instruction
+    from scenewright.graph.arguments import DEFAULT_INTERSECTION
+    from scenewright.graph.run import plan_instruction
     from scenewright.scene.plan_file import LogicalPlan, format_plan, read_logical_plan, read_plan
 
     if is_plan_file(text):
@@ -270,7 +248,8 @@ def check_plan_file(path: str, intersection: str | None) -> dict[str, Any]:
         InputError: it is no plan, or the place has no way for an agent; names line and field.
     """
     from scenewright.dataset.batch.sweep import load_places
-    from scenewright.graph.run import DEFAULT_INTERSECTION, check_plan
+    from scenewright.graph.arguments import DEFAULT_INTERSECTION
+    from scenewright.graph.plan_faults import check_plan
     from scenewright.scene.phrasing import describe_graph
     from scenewright.scene.plan_file import read_logical_plan
 

@@ -57,7 +57,7 @@ def open_session(
         InputError: its name cannot be one, or another process has it.
     """
     from scenewright.authoring.session import Session
-    from scenewright.graph.run import choose_refiner
+    from scenewright.graph.arguments import choose_refiner
 
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
         raise InputError(

@@ -19,8 +19,8 @@ from scenewright.cli.scene_summary import (
 from scenewright.cli.verify_tracks import CheckedTracks, check_tracks, format_tracks_report
 from scenewright.dataset.batch.manifest import MANIFEST, list_scenes
 from scenewright.errors import InputError
-from scenewright.graph.run import find_scene_file, load_scene, verify
-from scenewright.graph.written_proof import read_origin_digest
+from scenewright.graph.scene_files import find_scene_file, load_scene, read_origin_digest
+from scenewright.graph.verify import verify
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.formats.registry import DATABASE_FILES, find_reader

@@ -68,12 +68,14 @@ def check_tracks(path: Path, *, intersection: str | None) -> list[CheckedTracks]
     Raises:
         InputError: unreadable, or no such intersection.
     """
-    from scenewright.graph.run import examine_tracks, find_off_ground, load_recordings
+    from scenewright.graph.verify import examine_tracks, load_recordings
+    from scenewright.intersections import load_map
+    from scenewright.tools.relation_checker.external_events import find_off_map
 
     checked = []
     for name, tracks in load_recordings(path).items():
         found = examine_tracks(tracks, intersection=intersection)
-        off_map = () if intersection is None else find_off_ground(tracks, intersection=intersection)
+        off_map = () if intersection is None else find_off_map(tracks, load_map(intersection))
         place = Path(f"{path}:{name}") if name else path
         checked.append(CheckedTracks(place, tracks, found, off_map))
     return checked

@@ -172,7 +172,8 @@ def show(
         return
     from scenewright.cli.verify import list_scene_files
     from scenewright.dataset.batch.manifest import MANIFEST
-    from scenewright.graph.run import load_scene, verify
+    from scenewright.graph.scene_files import load_scene
+    from scenewright.graph.verify import verify
 
     if len(scenes) > 1:  # DIR/* names the dataset's tables and pictures as well
         known = ("scene.json", MANIFEST)

@@ -52,7 +52,8 @@ def compile_last_stages(compiled: Any) -> None:
     import numpy as np
 
     from scenewright.compiled import watch_compiling
-    from scenewright.graph.run import DEFAULT_INTERSECTION, examine_tracks
+    from scenewright.graph.arguments import DEFAULT_INTERSECTION
+    from scenewright.graph.verify import examine_tracks
     from scenewright.tools.track_io.external_tracks import read_tracks
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
@@ -84,7 +85,8 @@ _TEXT = "A car yields to a pedestrian"
 def check_installation(seed: int = option(0, "Of the scene that is made.")) -> Result:
     """Make a scene, verify it, and say so in one line; nothing is written."""
     from scenewright import __version__
-    from scenewright.graph.run import synthesize, verify
+    from scenewright.graph.run import synthesize
+    from scenewright.graph.verify import verify
 
     say_if_new()
     start = time.perf_counter()

@@ -14,7 +14,9 @@ from scenewright.driving.reactive import Temper
 from scenewright.driving.scenario import Scenario, build_scenario
 from scenewright.driving.traffic import OthersMode, make_traffic
 from scenewright.errors import InputError
-from scenewright.graph.run import DEFAULT_INTERSECTION, Scene, load_scene, synthesize
+from scenewright.graph.arguments import DEFAULT_INTERSECTION
+from scenewright.graph.run import Scene, synthesize
+from scenewright.graph.scene_files import load_scene
 from scenewright.intersections import load_map
 from scenewright.scene.record import SceneRecord
 from scenewright.time_limit import DEFAULT_LIMIT

@@ -26,8 +26,9 @@ from scenewright.driving.scores import OFF_ROAD
 from scenewright.driving.single_drive import drive_once
 from scenewright.driving.traffic import OthersMode
 from scenewright.errors import InputError, ScenewrightError
-from scenewright.files import write_atomically
-from scenewright.graph.run import encode_scene, load_scene, make_folder, synthesize
+from scenewright.files import write_files
+from scenewright.graph.run import synthesize
+from scenewright.graph.scene_files import encode_scene, load_scene
 from scenewright.intersections import find_data_folder, load_map
 from scenewright.scene.digest import digest_scene
 from scenewright.scene.record import SceneRecord
@@ -106,8 +107,7 @@ def _find_scene(scene: BenchmarkScene) -> SceneRecord:
             f"scene {scene.id} is another one here ({digest[7:19]} instead of "
             f"{scene.digest[7:19]}): its results would not be comparable"
         )
-    make_folder(file.parent)
-    write_atomically(file, encode_scene(record))
+    write_files(file.parent, {file.name: encode_scene(record)})
     return record
 
 

@@ -306,18 +306,13 @@ LANE_FOLLOWER = replace(NORMAL, horizon=0.0)
 """Foresees nothing: brakes for lights and for who is on its way now, gives way to nobody."""
 
 
-def _load_learned() -> Policy:
-
-    return LearnedPolicy()
-
-
 BUILT_IN: dict[str, Callable[[], Policy]] = {
     "replay": ReplayPolicy,
     "constant": ConstantSpeedPolicy,
     "idm": RuleBasedPolicy,
     "cautious": lambda: RuleBasedPolicy(CAUTIOUS),
     "aggressive": lambda: RuleBasedPolicy(AGGRESSIVE),
-    "learned": _load_learned,
+    "learned": LearnedPolicy,
     "lane-follower": lambda: RuleBasedPolicy(LANE_FOLLOWER),
 }
 """Egos by the name that `--policy` takes."""

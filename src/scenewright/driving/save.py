@@ -7,8 +7,8 @@ from pathlib import Path
 
 from scenewright.driving.report import Report
 from scenewright.errors import InputError
-from scenewright.files import write_atomically
-from scenewright.graph.run import encode_proof, encode_scene, format_json_line, make_folder
+from scenewright.files import format_json_line, write_files
+from scenewright.graph.scene_files import encode_proof, encode_scene
 from scenewright.scene.record import SceneRecord
 
 
@@ -24,7 +24,6 @@ def save_drive(
     """
     if report.scene is None:
         raise InputError("a drive on recorded tracks has no scene to save")
-    target = make_folder(folder)
     scene, proof, drive = report.scene.record, report.scene.proof, report.drive
     recorded, place = drive.scenario.record, drive.scenario.intersection_map
     origin = {
@@ -33,10 +32,12 @@ def save_drive(
         "policy": drive.policy, "others": drive.others, "seed": drive.seed,
         "scene_digest": proof.scene_digest,
     }  # fmt: skip
-    write_atomically(target / "provenance.json", format_json_line(origin))
-    write_atomically(target / "drive.json", format_json_line(report.to_json()))
-    write_atomically(target / "proof.json", encode_proof(proof))
-    write_atomically(target / "scene.json", encode_scene(scene))
+    files = {
+        "provenance.json": format_json_line(origin),
+        "drive.json": format_json_line(report.to_json()),
+        "proof.json": encode_proof(proof), "scene.json": encode_scene(scene),
+    }  # fmt: skip
+    target = write_files(folder, files)
     if picture and place is not None:
         from scenewright.viz.still import draw_scene
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-import secrets
-import shutil
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from scenewright.errors import InputError
-from scenewright.graph.run import Scene, load_scene
+from scenewright.graph.run import Scene
+from scenewright.graph.scene_files import load_scene
 from scenewright.intersections import load_map
 from scenewright.scene.plan_file import read_logical_plan
 from scenewright.scene.record import SceneRecord
@@ -62,9 +62,10 @@ def export(
     if ranges is not None and (to, form) != ("openscenario", "reactive"):
         raise InputError("a plan's ranges go with `--to openscenario --form reactive` alone")
     given = [scenes] if isinstance(scenes, str | Path | Scene | SceneRecord) else list(scenes)
-    with _Staging(Path(out)) as staging:
-        prepared: list[ExportedScene] = []
-        seen = Counter[str]()
+    prepared: list[ExportedScene] = []
+    seen = Counter[str]()
+
+    def list_files() -> Iterator[tuple[str, bytes]]:
         for each in given:
             whole = each.record if isinstance(each, Scene) else each
             record = whole if isinstance(whole, SceneRecord) else load_scene(whole)
@@ -73,51 +74,32 @@ def export(
             name = f"{own}-{seen[own]}" if seen[own] > 1 else own
             place = load_map(intersection or record.meta.intersection)
             scene = prepare_scene(record, place, ego=ego, name=name)
-            staging.add(write_scene(scene, to, form=form))
+            yield from write_scene(scene, to, form=form).items()
             if ranges is not None:
-                staging.add(write_ranges(scene, ranges))
+                yield from write_ranges(scene, ranges).items()
             prepared.append(scene)
-        staging.add(write_index(prepared, to))
-        return staging.publish()
+        yield from write_index(prepared, to).items()
+
+    return _publish(list_files(), Path(os.path.realpath(out)))
 
 
-class _Staging:
-    """A folder beside the output, whose files move there once all are written."""
+def _publish(files: Iterable[tuple[str, bytes]], out: Path) -> list[Path]:
+    """Write files, by their paths below a folder, beside it, and move them there once all are.
 
-    def __init__(self, out: Path) -> None:
-        self._out = Path(os.path.realpath(out))
-        self._part = self._out.parent / f".{self._out.name[:80]}.{secrets.token_hex(4)}.part"
-        self._names: list[str] = []
-
-    def __enter__(self) -> _Staging:
-        try:
-            self._part.mkdir(parents=True)
-        except OSError as error:
-            raise self._build_write_error(error) from error
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        shutil.rmtree(self._part, ignore_errors=True)
-
-    def add(self, files: dict[str, bytes]) -> None:
-        """Write files, by their paths below the output folder."""
-        try:
-            for name, content in files.items():
-                (self._part / name).parent.mkdir(parents=True, exist_ok=True)
-                (self._part / name).write_bytes(content)
-                self._names.append(name)
-        except OSError as error:
-            raise self._build_write_error(error) from error
-
-    def publish(self) -> list[Path]:
-        """Move all files into the output folder."""
-        try:
-            for name in self._names:
-                (self._out / name).parent.mkdir(parents=True, exist_ok=True)
-                os.replace(self._part / name, self._out / name)
-        except OSError as error:
-            raise self._build_write_error(error) from error
-        return [self._out / name for name in self._names]
-
-    def _build_write_error(self, error: OSError) -> InputError:
-        return InputError(f"cannot write {self._out}: {error.strerror or error}")
+    Raises:
+        InputError: the folder cannot be written; nothing is left behind.
+    """
+    names: list[str] = []
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(".part", f".{out.name[:80]}.", out.parent) as part:
+            for name, content in files:
+                (Path(part) / name).parent.mkdir(parents=True, exist_ok=True)
+                (Path(part) / name).write_bytes(content)
+                names.append(name)
+            for name in names:
+                (out / name).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(Path(part) / name, out / name)
+    except OSError as error:
+        raise InputError(f"cannot write {out}: {error.strerror or error}") from error
+    return [out / name for name in names]

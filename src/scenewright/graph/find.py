@@ -18,17 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.files import is_plan_file, write_atomically
-from scenewright.graph.run import (
-    DEFAULT_INTERSECTION,
-    encode_proof,
-    encode_scene,
-    load_recordings,
-    load_scene,
-    make_folder,
-    plan_instruction,
-    verify,
-)
+from scenewright.files import is_plan_file, write_files
+from scenewright.graph.arguments import DEFAULT_INTERSECTION
+from scenewright.graph.run import plan_instruction
+from scenewright.graph.scene_files import encode_proof, encode_scene, load_scene
+from scenewright.graph.verify import load_recordings, verify
 from scenewright.intersections import load_map
 from scenewright.nodes.scene_verifier import add_events
 from scenewright.nodes.scene_verifier.assemble import (
@@ -526,11 +520,9 @@ def save_clip(hit: Hit, folder: Path) -> Path:
     """
     if hit.source.place is None:
         raise InputError("a clip is a scene, which needs a map: name that of the tracks with --map")
-    make_folder(folder)
     scene = add_events(hit.scene, hit.proof)
-    write_atomically(folder / "scene.json", encode_scene(scene))
-    write_atomically(folder / "proof.json", encode_proof(verify(scene)))
-    return folder
+    files = {"scene.json": encode_scene(scene), "proof.json": encode_proof(verify(scene))}
+    return write_files(folder, files)
 
 
 def format_variation(hit: Hit) -> str:

@@ -14,7 +14,8 @@ from langgraph.graph.state import CompiledStateGraph
 from typing_extensions import TypedDict
 
 from scenewright.errors import InputError, Unsatisfiable
-from scenewright.graph.run import DEFAULT_INTERSECTION, synthesize
+from scenewright.graph.arguments import DEFAULT_INTERSECTION
+from scenewright.graph.run import synthesize
 
 
 class MakeRequest(TypedDict):
@@ -89,14 +90,10 @@ def make(state: MakeRequest) -> MakeReply:
         )
     except (InputError, Unsatisfiable) as error:
         rejections = error.rejections if isinstance(error, Unsatisfiable) else ()
-        return {
-            "scene": None,
-            "proof": None,
-            "refusal": {
-                "code": "unsatisfiable" if isinstance(error, Unsatisfiable) else "unusable_input",
-                "reason": str(error),
-                "rejections": [each.model_dump(mode="json") for each in rejections],
-            },
-        }
+        plain = [each.model_dump(mode="json") for each in rejections]
+        refusal: RefusedRequest = {
+            "code": error.code, "reason": str(error), "rejections": plain
+        }  # fmt: skip
+        return {"scene": None, "proof": None, "refusal": refusal}
     proof = scene.proof.model_dump(mode="json", by_alias=True)
     return {"scene": scene.record.to_json(), "proof": proof, "refusal": None}

@@ -2,87 +2,27 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from scenewright.errors import InputError, describe_misfit
-from scenewright.scene.digest import digest_json
+from scenewright.graph.scene_files import read_origin_digest
 from scenewright.scene.events import Finding, Proof
 
 ROUNDING = 0.011
 """Figures may differ by this from machine to machine: most are kept to 1 mm or 0.001 s."""
 
 
-def read_proof(file: Path) -> Proof:
-    """The proof in a file.
-
-    Raises:
-        InputError: it cannot be read, or is no proof; says where the first fault is.
-    """
-    try:
-        data = file.read_bytes()
-        proof = Proof.model_validate_json(data)
-        digest_json(data)  # which refuses a key twice, of which readers see one or the other
-        return proof
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    except ValidationError as error:
-        raise InputError(f"{file} is not a proof: {describe_misfit(error, 'file')}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file} is not a proof: {error}") from error
-
-
-def compare_proofs(
+def find_contradiction(
     found: Proof, written: Proof | None, *, strict: bool, other_map: bool = False
-) -> Proof:
-    """What the checker found, with a finding where the written proof is one of something else.
+) -> Finding | None:
+    """Why a written proof is not that of a scene, beside what the checker found in it.
 
     Args:
         strict: whether there must be one that names the digest and agrees in every figure.
         other_map: whether another map was looked at, on which there may be other events.
     """
     keys = None if strict else () if other_map else ("verified", "events")
-    against = _find_difference(found, written, keys)
-    if against is None:
-        return found
-    return found.model_copy(update={"verified": False, "missing": (*found.missing, against)})
-
-
-def compare_origin(found: Proof, file: Path) -> Proof:
-    """What the checker found, with a finding where provenance.json names another scene."""
-    if read_origin_digest(file) in (None, found.scene_digest):
-        return found
-    against = _report("provenance_contradicted", "provenance.json is that of another scene")
-    return found.model_copy(update={"verified": False, "missing": (*found.missing, against)})
-
-
-def read_origin_digest(file: Path) -> str | None:
-    """The digest of the scene that a provenance.json is of; None if it names none, or is not there.
-
-    Raises:
-        InputError: it cannot be read, or is no JSON.
-    """
-    try:
-        data = file.read_bytes()
-        digest_json(data)  # which refuses a key twice
-        about = json.loads(data)
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file} is no provenance: {error}") from error
-    return about.get("scene_digest") if isinstance(about, dict) else None
-
-
-def _find_difference(
-    found: Proof, written: Proof | None, keys: tuple[str, ...] | None
-) -> Finding | None:
-    strict = keys is None
     if written is None:
         return _report("proof_missing", "no proof.json names the digest") if strict else None
     if written.scene_digest is None and strict:
@@ -99,6 +39,13 @@ def _find_difference(
     if place is None:
         return None
     return _report("proof_contradicted", f"proof.json has another {place} than the checker finds")
+
+
+def find_other_origin(found: Proof, file: Path) -> Finding | None:
+    """That a provenance.json names another scene than the one that was checked."""
+    if read_origin_digest(file) in (None, found.scene_digest):
+        return None
+    return _report("provenance_contradicted", "provenance.json is that of another scene")
 
 
 def _report(rule: str, detail: str) -> Finding:

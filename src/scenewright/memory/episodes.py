@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import zlib
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from scenewright.errors import InputError
+from scenewright.files import write_atomically
 
 MOST_EPISODES = 500
 """More are kept no longer: the oldest go first."""
@@ -39,8 +41,11 @@ class Episode:
     """
 
     request: str
-    graph: Mapping[str, Any]
+    graph: dict[str, Any]
     taxonomy: tuple[str, ...]
+
+
+_EPISODE = TypeAdapter(Episode)
 
 
 class Episodes:
@@ -75,25 +80,16 @@ class Episodes:
         Raises:
             InputError: the file cannot be written.
         """
-        new = Episode(request[:_LONGEST_REQUEST], graph, tuple(taxonomy))
-        if len(json.dumps(dict(graph))) > _LONGEST_GRAPH:
+        new = Episode(request[:_LONGEST_REQUEST], dict(graph), tuple(taxonomy))
+        if len(json.dumps(new.graph)) > _LONGEST_GRAPH:
             return
         kept = [each for each in self.list_all() if each.request != new.request]
-        lines = [
-            json.dumps(
-                {"request": e.request, "graph": dict(e.graph), "taxonomy": list(e.taxonomy)},
-                allow_nan=False,
-            )
-            for e in [*kept, new][-self.most :]
-        ]
-        part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
+        lines = [json.dumps(vars(each), allow_nan=False) for each in [*kept, new][-self.most :]]
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            part.write_text("".join(f"{line}\n" for line in lines), "utf-8")
-            part.replace(self.path)
         except OSError as error:
-            part.unlink(missing_ok=True)
             raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
+        write_atomically(self.path, "".join(f"{line}\n" for line in lines).encode())
 
     def wipe(self) -> int:
         """Forgets everything; how many episodes that were."""
@@ -139,12 +135,9 @@ def embed_text(text: str) -> dict[int, float]:
 
 def _parse_episode(line: str) -> Episode | None:
     """Parse the episode of a line; None if it is none."""
+    if len(line) > 2 * (_LONGEST_REQUEST + _LONGEST_GRAPH):
+        return None
     try:
-        value = json.loads(line)
-        request, graph, taxonomy = value["request"], value["graph"], value["taxonomy"]
-    except (ValueError, TypeError, KeyError):
+        return _EPISODE.validate_json(line)
+    except ValidationError:
         return None
-    plain = isinstance(request, str) and isinstance(graph, dict) and isinstance(taxonomy, list)
-    if not plain or len(line) > 2 * (_LONGEST_REQUEST + _LONGEST_GRAPH):
-        return None
-    return Episode(request, graph, tuple(str(each) for each in taxonomy))

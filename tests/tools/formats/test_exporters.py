@@ -23,7 +23,8 @@ from scenewright.cli.main import main
 from scenewright.cli.verify import list_scene_files
 from scenewright.dataset.batch.manifest import list_scenes, write_manifest
 from scenewright.errors import InputError
-from scenewright.graph.run import encode_scene, load_tracks, verify_tracks
+from scenewright.graph.scene_files import encode_scene
+from scenewright.graph.verify import load_tracks, verify_tracks
 from scenewright.scene.objects import EncounterRecord, ObjectRecord
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.formats import FORMATS, ExportedScene, prepare_scene, write_scene

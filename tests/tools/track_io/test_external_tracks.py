@@ -24,7 +24,7 @@ from checker_tracks import (
     yielding_car,
 )
 from scenewright.errors import InputError
-from scenewright.graph.run import load_tracks, verify_tracks
+from scenewright.graph.verify import load_tracks, verify_tracks
 from scenewright.scene.events import Event
 from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.formats import sample_table

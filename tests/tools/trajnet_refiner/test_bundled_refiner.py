@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from scenewright.errors import InputError
-from scenewright.graph.run import find_refiner_gap
+from scenewright.graph.arguments import find_refiner_gap
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
 from scenewright.tools.trajnet_refiner.bundled import find_refiner, load_bundled_refiner
@@ -116,7 +116,7 @@ def test_an_intersections_own_weights_come_first(folder):
 
 
 def test_where_no_weights_serve_a_line_says_so(folder, monkeypatch):
-    monkeypatch.setattr("scenewright.graph.run.ships_refiner", lambda _: False)
+    monkeypatch.setattr("scenewright.graph.arguments.ships_refiner", lambda _: False)
     assert find_refiner_gap(NAME, "trajnet") == NO_WEIGHTS
     assert find_refiner_gap(NAME, "none") is None
 

@@ -1,8 +1,8 @@
 """Any chat model that LangChain reaches, by name: `anthropic:MODEL`, `openai:MODEL`.
 
-With a base URL, an OpenAI-compatible endpoint such as a vLLM server. `naming` makes the model,
-`faults` says what an exception amounts to, `retry` asks again after pauses, `transport` bounds
-what an endpoint may send, `model` puts the question.
+With a base URL, an OpenAI-compatible endpoint such as a vLLM server. `naming` makes the model over
+the HTTP client of `bounded_client`, `model` puts the question, `retry` says which faults may pass
+and asks again after pauses.
 """
 
 from __future__ import annotations

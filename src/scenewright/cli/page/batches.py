@@ -7,20 +7,24 @@ import re
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field
 from starlette.responses import HTMLResponse
 
+from scenewright.cli.batch import RunOptions
 from scenewright.cli.page.routes import Upload
+from scenewright.dataset.batch.carry_out import JOURNAL
+from scenewright.dataset.batch.journal import JournalEntry, read_entries
 from scenewright.dataset.batch.rows import DatasetRow, read_source
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
+from scenewright.graph.scene_files import load_scene, read_proof
 from scenewright.intersections import load_map
-from scenewright.scene.events import Proof
-from scenewright.time_limit import DEFAULT_LIMIT
+from scenewright.scene.events import Event
 
 MOST_ROWS_BYTES = 20_000_000
 MOST_AT_ONCE = 2000
@@ -31,10 +35,9 @@ _ROWS, _OUT, _SETTING, _ERRORS = "rows.jsonl", "out", "setting.json", "errors.tx
 class Batches:
     """The batches of one folder; one process each while it is being made."""
 
-    def __init__(
-        self, folder: Path, *, time_limit: float = DEFAULT_LIMIT, lawful: bool = False
-    ) -> None:
-        self._folder, self._time_limit, self._lawful = folder, time_limit, lawful
+    def __init__(self, folder: Path, run: RunOptions) -> None:
+        """Runs differ from the given one in place and backend alone."""
+        self._folder, self._run = folder, run
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._lock = threading.Lock()
 
@@ -58,14 +61,14 @@ class Batches:
 
     def show_scene(self, batch: str, row: int) -> HTMLResponse:
         """The self-contained page of a scene, by its place in the journal."""
-        from scenewright.graph.run import load_scene, verify
+        from scenewright.graph.verify import verify
         from scenewright.viz.html_player import build_player
 
         folder = self._find(batch)
-        entries = list(_read_journal(folder))
-        if row >= len(entries) or entries[row]["status"] != "made":
+        entries = read_entries(folder / _OUT / JOURNAL)
+        if row >= len(entries) or entries[row].status != "made":
             raise InputError("there is no scene of this row")
-        record = load_scene(str(folder / _OUT / entries[row]["folder"]))
+        record = load_scene(folder / _OUT / entries[row].folder)
         place = load_map(record.meta.intersection)
         page = HTMLResponse(build_player(scene=record, proof=verify(record), intersection=place))
         page.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
@@ -107,7 +110,9 @@ class Batches:
         with self._lock:
             process = self._running.get(batch)
             if process is None or process.poll() is not None:
-                self._running[batch] = _launch(folder, self._time_limit, lawful=self._lawful)
+                setting = json.loads((folder / _SETTING).read_bytes())
+                own = {"intersection": setting["intersection"], "backend": setting["backend"]}
+                self._running[batch] = _launch(folder, replace(self._run, **own))
         return {"batch": batch}
 
     def close(self) -> None:
@@ -122,12 +127,12 @@ class Batches:
         folder = self._find(batch)
         process = self._running.get(batch)
         running = process is not None and process.poll() is None
-        entries = list(_read_journal(folder))
+        entries = read_entries(folder / _OUT / JOURNAL)
         setting = json.loads((folder / _SETTING).read_bytes())
         source = read_source(folder / _ROWS) if after < len(entries) else ()
         rows = {each.number: each.row for each in source}
         shown = list(enumerate(entries))[after : after + MOST_AT_ONCE]
-        done = len({each["number"] for each in entries})
+        done = len({each.number for each in entries})
         return {
             "batch": batch, "rows": setting["rows"], "done": done, "running": running,
             "error": "" if running else _read_error(folder),
@@ -147,14 +152,9 @@ class Batches:
         return folder
 
 
-def _launch(folder: Path, time_limit: float, *, lawful: bool) -> subprocess.Popen[bytes]:
-    setting = json.loads((folder / _SETTING).read_bytes())
+def _launch(folder: Path, run: RunOptions) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "scenewright", "batch", str(folder / _ROWS)]
-    command += ["--out", str(folder / _OUT), "--workers", "1", "--quiet"]
-    command += ["--intersection", setting["intersection"], "--time-limit", str(time_limit)]
-    command += ["--lawful"] if lawful else []
-    for backend in setting["backend"]:
-        command += ["--backend", backend]
+    command += ["--out", str(folder / _OUT), "--quiet", *run.list_words()]
     with (folder / _ERRORS).open("wb") as errors:
         return subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors
@@ -170,18 +170,6 @@ def _end(process: subprocess.Popen[bytes] | None) -> None:
             process.kill()
 
 
-def _read_journal(folder: Path) -> Iterator[dict[str, Any]]:
-    """The lines of rows that came to an end; a line counts only with its newline."""
-    path = folder / _OUT / "journal.jsonl"
-    if not path.exists():
-        return
-    with path.open("rb") as lines:
-        next(lines, None)  # the header
-        for line in lines:
-            if line.endswith(b"\n"):
-                yield json.loads(line)
-
-
 def _read_error(folder: Path) -> str:
     """The last line that the process said; empty if it said nothing."""
     path = folder / _ERRORS
@@ -191,24 +179,22 @@ def _read_error(folder: Path) -> str:
 
 
 def _describe_row(
-    folder: Path, entry: dict[str, Any], place: int, rows: dict[int, DatasetRow]
+    folder: Path, entry: JournalEntry, place: int, rows: dict[int, DatasetRow]
 ) -> dict[str, Any]:
     """A row as the page lists it; its events with their figures where it has a scene."""
     row = {
-        "place": place, "number": entry["number"], "id": rows[entry["number"]].id,
-        "text": rows[entry["number"]].text,
-        "status": entry["status"], "reason": entry["reason"], "events": [],
+        "place": place, "number": entry.number, "id": rows[entry.number].id,
+        "text": rows[entry.number].text,
+        "status": entry.status, "reason": entry.reason, "events": [],
     }  # fmt: skip
-    path = folder / _OUT / entry["folder"] / "proof.json"
-    if entry["status"] != "made" or not path.exists():
+    path = folder / _OUT / entry.folder / "proof.json"
+    if entry.status != "made" or not path.exists():
         return row
-    data = path.read_bytes()
-    proof, events = Proof.model_validate_json(data), json.loads(data)["events"]
+    proof = read_proof(path)
     verdict = {"verdict": proof.describe_verdict(), "caveat": proof.caveat}
-    return {**row, **verdict, "events": [_describe_event(each) for each in events]}
+    return {**row, **verdict, "events": [_describe_event(each) for each in proof.events]}
 
 
-def _describe_event(event: dict[str, Any]) -> dict[str, Any]:
-    figures = {k: v for k, v in (event.get("evidence") or {}).items() if isinstance(v, int | float)}
-    return {"type": event["type"], "kind": event.get("kind"), "time": event.get("time"),
-            "figures": figures}  # fmt: skip
+def _describe_event(event: Event) -> dict[str, Any]:
+    figures = {k: v for k, v in event.evidence.items() if isinstance(v, int | float)}
+    return {"type": event.type, "kind": event.kind, "time": event.time, "figures": figures}

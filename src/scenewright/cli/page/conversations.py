@@ -15,6 +15,7 @@ from scenewright.authoring.thread_state import ThreadState
 from scenewright.backends import Backend
 from scenewright.cli.console import ProgressCallback
 from scenewright.cli.options import SessionOptions
+from scenewright.cli.page.asked import NewThread
 from scenewright.cli.sessions import (
     add_facts,
     choose_free_name,
@@ -25,7 +26,8 @@ from scenewright.cli.sessions import (
 )
 from scenewright.cli.turn_report import format_reply
 from scenewright.errors import InputError
-from scenewright.graph.run import check_plan, plan_instruction
+from scenewright.graph.plan_faults import check_plan
+from scenewright.graph.run import plan_instruction
 from scenewright.memory.threads import Threads
 from scenewright.nodes.remaining import OR_LENIENT
 from scenewright.scene.phrasing import call_agents, describe_graph, speak_plainly
@@ -221,12 +223,12 @@ class Conversations:
         """Names of all threads, last used first."""
         return list_threads(self._options.threads)
 
-    def create(self, intersection: str, seed: int | None = None) -> Conversation:
-        """A new conversation at an intersection; InputError if there is none so named."""
+    def create(self, asked: NewThread) -> Conversation:
+        """A new conversation; InputError if there is no such intersection."""
+        given = {key: each for key, each in vars(asked).items() if each not in (None, "")}
         with self._lock:
             name = choose_free_name("page", {*self.list_names(), *self._open})
-            own = self._options if seed is None else replace(self._options, seed=seed)
-            return self._start(name, replace(own, intersection=intersection))
+            return self._start(name, replace(self._options, **given))
 
     def get(self, name: str) -> Conversation:
         """The conversation of this name; InputError if there is none."""

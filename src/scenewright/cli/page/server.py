@@ -24,6 +24,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from scenewright.backends import Backend, load_backend
+from scenewright.cli.batch import RunOptions
 from scenewright.cli.options import SessionOptions
 from scenewright.cli.page.asked import BackendChoice, NewThread, PlanSource, Turn
 from scenewright.cli.page.batches import Batches
@@ -180,9 +181,8 @@ class Page:
         self._conversations = Conversations(options, backend)
         name = ", ".join(options.model.backend or ["builtin"])
         self._choice = ModelChoice(self._conversations, name)
-        self._batches = Batches(
-            folder / "page-batches", time_limit=options.time_limit, lawful=options.lawful
-        )
+        run = RunOptions(workers=1, time_limit=options.time_limit, lawful=options.lawful)
+        self._batches = Batches(folder / "page-batches", run)
         self._own_maps = OwnMaps(folder / "page-maps")
         self._running: set[asyncio.Task[None]] = set()
 
@@ -229,9 +229,8 @@ class Page:
         }
 
     def create_thread(self, asked: NewThread) -> dict[str, Any]:
-        """A new conversation: {"intersection", "seed"}."""
-        place = asked.intersection or self._intersection
-        return self._conversations.create(place, asked.seed).describe()
+        """A new conversation: {"intersection", "seed"}, else those of the page."""
+        return self._conversations.create(asked).describe()
 
     def describe_thread(self, thread: str) -> dict[str, Any]:
         """Versions, branches and what is current."""

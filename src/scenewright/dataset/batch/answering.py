@@ -93,18 +93,25 @@ def _make_take_turns(backend: Backend, turns: Sequence[Path]) -> Backend:
     return backend if backend.deterministic else _InTurn(backend, turns)
 
 
-class _InTurn:
+class WrappedBackend:
+    """A backend whose `answer` does more than that of the one within it."""
+
+    def __init__(self, backend: Backend) -> None:
+        self.name, self.deterministic, self._backend = backend.name, backend.deterministic, backend
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._backend, name)
+
+
+class _InTurn(WrappedBackend):
     """A backend that is asked when one of the turns is free, over all processes that share them.
 
     A turn is a lock on a file: a process that dies releases it.
     """
 
     def __init__(self, backend: Backend, turns: Sequence[Path]) -> None:
-        self.name, self.deterministic = backend.name, backend.deterministic
-        self._backend, self._turns = backend, turns
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._backend, name)
+        super().__init__(backend)
+        self._turns = turns
 
     def answer(self, question: Question) -> dict[str, Any]:
         """The backend's reply (see `Backend`)."""

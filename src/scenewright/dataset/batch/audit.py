@@ -25,7 +25,7 @@ from scenewright.dataset.tables.parquet import (
     require_tables,
 )
 from scenewright.errors import InputError
-from scenewright.graph.run import verify
+from scenewright.graph.verify import verify
 
 _ASIDE = re.compile(
     r"\..*|(evaluation|exports)/.*|journal(-\d+-of-\d+)?\.jsonl|"

@@ -27,7 +27,7 @@ from scenewright.dataset.batch.worker import FILES, Job, Outcome, work
 from scenewright.dataset.tables.parquet import require_tables
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
-from scenewright.graph.run import make_folder
+from scenewright.files import make_folder
 from scenewright.time_limit import raise_after
 
 JobT = TypeVar("JobT")
@@ -204,7 +204,7 @@ class BatchFolder:
 
     def __init__(self, out: Path, *, header: Mapping[str, Any], name: str = JOURNAL) -> None:
         """Nothing is read or written before the `with` block begins."""
-        self.out, self._header, self._name = out, header, name
+        self.out, self.header, self._name = out, header, name
         self._parts = out / f".{name}.parts"
         self._stack = ExitStack()
         self.journal: Journal
@@ -219,7 +219,7 @@ class BatchFolder:
                     raise InputError(f"{self.out} holds other files; choose another --out")
                 stack.enter_context(lock_journal(self.out, self._name))
                 self._discard_leftovers()
-                self.journal = Journal(self.out, name=self._name, header=self._header)
+                self.journal = Journal(self.out, name=self._name, header=self.header)
             except OSError as error:
                 reason = error.strerror or error
                 raise InputError(f"cannot write {self.out}: {reason}") from error
@@ -265,7 +265,7 @@ class BatchFolder:
         """The journals of all runs into this folder as they are; no other finishes meanwhile."""
         with (
             lock_journal(self.out, "finish", patient=True),
-            Journal(self.out, name=None, header=self._header) as journal,
+            Journal(self.out, name=None, header=self.header) as journal,
         ):
             yield journal
 

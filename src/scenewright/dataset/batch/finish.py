@@ -7,15 +7,16 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from scenewright.dataset.batch.carry_out import JOURNAL, is_whole, publish
+from scenewright.dataset.batch.carry_out import JOURNAL, BatchFolder, is_whole, publish
 from scenewright.dataset.batch.journal import Journal, lock_journal
-from scenewright.dataset.batch.manifest import hash_files, read_manifest, write_manifest
+from scenewright.dataset.batch.manifest import MANIFEST, hash_files, read_manifest, write_manifest
 from scenewright.dataset.batch.pictures import draw_overview, draw_statistics
-from scenewright.dataset.batch.worker import FILES, Job, format_json_line
+from scenewright.dataset.batch.worker import FILES, Job
 from scenewright.dataset.tables.card import describe_in_croissant, format_card
 from scenewright.dataset.tables.parquet import (
     TABLES,
@@ -27,7 +28,7 @@ from scenewright.dataset.tables.parquet import (
 from scenewright.dataset.tables.splits import choose_split
 from scenewright.dataset.tables.tally import Tally
 from scenewright.errors import InputError
-from scenewright.files import write_atomically
+from scenewright.files import format_json_line, write_atomically
 
 PICTURES = ("figures/overview.png", "figures/statistics.png")
 CARD, CROISSANT = "README.md", "croissant.json"
@@ -110,6 +111,19 @@ def finish(
         for name, sha256 in hashes.items()
     )
     write_manifest(out, manifest, chain(ours, theirs))
+
+
+def finish_run(
+    batch: BatchFolder, journal: Journal, jobs: Iterable[Job], *, changed: bool, **more: Any
+) -> None:
+    """Finishes a folder where a run has changed what is in it, or nothing was written over it yet.
+
+    Args:
+        jobs: of all rows of the folder; more: as `finish` has them.
+    """
+    if changed or not (batch.out / MANIFEST).exists():
+        about = {key: each for key, each in batch.header.items() if key not in ("journal", "rows")}
+        finish(batch.out, partial(list_journal_rows, journal, jobs), about=about, **more)
 
 
 def list_journal_rows(journal: Journal, jobs: Iterable[Job]) -> Iterator[FinishedRow]:

@@ -15,8 +15,8 @@ from typing import Any, BinaryIO, Self
 
 from filelock import FileLock, Timeout
 
-from scenewright.dataset.batch.worker import format_json_line
 from scenewright.errors import InputError
+from scenewright.files import format_json_line, write_atomically
 
 
 @dataclass(frozen=True)
@@ -49,24 +49,16 @@ class Journal:
         Raises:
             InputError: the folder's journals are of another input or of other options.
         """
-        self._places: dict[int, tuple[BinaryIO, int]] = {}
-        self._readers: dict[str, BinaryIO] = {}
+        self._lines: dict[int, bytes] = {}
         self._writer: BinaryIO | None = None
-        self._name = name
         if name is not None:
             if not (folder / name).exists():  # it has its header or does not exist
-                part = folder / f".{name}.part"
-                part.write_bytes(format_json_line(header))
-                os.replace(part, folder / name)
+                write_atomically(folder / name, format_json_line(header))
             cut_torn_line(folder / name)
-        try:
-            for path in sorted(folder.glob("journal*.jsonl")):
-                self._load(path, dict(header))
-            if name is not None:
-                self._writer = (folder / name).open("ab", buffering=0)
-        except BaseException:
-            self.close()
-            raise
+        for path in sorted(folder.glob("journal*.jsonl")):
+            self._load(path, dict(header))
+        if name is not None:
+            self._writer = (folder / name).open("ab", buffering=0)
 
     def __enter__(self) -> Self:
         return self
@@ -75,33 +67,28 @@ class Journal:
         self.close()
 
     def close(self) -> None:
-        """Lets go of the files."""
-        for stream in (*self._readers.values(), self._writer):
-            if stream is not None:
-                stream.close()
+        """Lets go of the file."""
+        if self._writer is not None:
+            self._writer.close()
 
     def append(self, entry: JournalEntry) -> None:
         """Adds a line, at once and whole."""
-        if self._writer is None or self._name is None:
+        if self._writer is None:
             raise ValueError("this journal is only read")
-        place = self._writer.seek(0, os.SEEK_END)
         data = format_json_line(vars(entry))
         if self._writer.write(data) != len(data):
             raise InputError("cannot write the journal: no space left")
-        self._places[entry.number] = self._readers[self._name], place
+        self._lines[entry.number] = data
 
     def get_entry(self, number: int) -> JournalEntry | None:
         """The last line about a row."""
-        if number not in self._places:
-            return None
-        reader, place = self._places[number]
-        reader.seek(place)
-        return JournalEntry(**json.loads(reader.readline()))
+        line = self._lines.get(number)
+        return None if line is None else JournalEntry(**json.loads(line))
 
     def _load(self, path: Path, header: dict[str, Any]) -> None:
-        reader = self._readers[path.name] = path.open("rb")
+        first, *lines = _read_lines(path)
         try:
-            found = json.loads(reader.readline())
+            found = json.loads(first)
         except ValueError as error:
             raise InputError(f"{path} is no journal of a batch; choose another --out") from error
         if found != header:
@@ -113,16 +100,23 @@ class Journal:
                 f"{path.parent} was begun otherwise ({what}); what is there cannot be gone on "
                 "with: give the same input and options, or choose another --out"
             )
-        place = reader.tell()
-        for line in iter(reader.readline, b""):
-            if line.endswith(b"\n"):
-                try:
-                    row = int(json.loads(line)["number"])
-                except (ValueError, KeyError, TypeError) as error:
-                    damage = f"{path} is damaged; remove the folder and begin anew"
-                    raise InputError(damage) from error
-                self._places[row] = reader, place
-            place += len(line)
+        try:
+            self._lines.update((int(json.loads(line)["number"]), line) for line in lines)
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{path} is damaged; remove the folder and begin anew") from error
+
+
+def read_entries(path: Path) -> list[JournalEntry]:
+    """What a journal says of the rows that came to an end, in order; no file, no rows."""
+    if not path.exists():
+        return []
+    return [JournalEntry(**json.loads(line)) for line in _read_lines(path)[1:]]
+
+
+def _read_lines(path: Path) -> list[bytes]:
+    """The header and the lines after it; one without its newline is none."""
+    header, *lines = path.read_bytes().splitlines(keepends=True) or [b""]
+    return [header, *(line for line in lines if line.endswith(b"\n"))]
 
 
 def cut_torn_line(path: Path) -> None:

@@ -7,20 +7,18 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.answering import PLAINLY, Asking, load_speaking_backend
 from scenewright.dataset.batch.carry_out import JOURNAL, BatchFolder, ProgressCallback, Work
-from scenewright.dataset.batch.finish import finish, list_journal_rows
+from scenewright.dataset.batch.finish import finish_run
 from scenewright.dataset.batch.journal import Journal
-from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.rows import RowSource, read_source
 from scenewright.dataset.batch.worker import Job, Options, build_job
 from scenewright.errors import InputError
-from scenewright.graph.run import MAX_SEED, REFINERS
+from scenewright.graph.arguments import check_arguments
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.relations import load_patterns
 from scenewright.time_limit import check_time_limit
@@ -88,12 +86,10 @@ def run_batch(request: Request, *, log: ProgressCallback = lambda _: None) -> Su
         now = batch.carry_out(ours, request, of=len(ours), log=log)
         with batch.lock_journals() as journal:
             summary = build_summary(ours, journal, now=now, every=all_jobs)
-            if now or not (request.out / MANIFEST).exists():
-                about = {k: each for k, each in header.items() if k not in ("journal", "rows")}
-                finish(
-                    request.out, partial(list_journal_rows, journal, all_jobs), about=about,
-                    given=source.rows, title=TITLE, complete=summary.complete,
-                )  # fmt: skip
+            finish_run(
+                batch, journal, all_jobs, changed=now > 0, given=source.rows, title=TITLE,
+                complete=summary.complete,
+            )  # fmt: skip
             return summary
 
 
@@ -102,23 +98,18 @@ _WHOLE: dict[str, Any] = {"limit": None, "shard": (1, 1)}
 
 def check_request(request: Request) -> None:
     """InputError where an option cannot be used, before anything is written."""
-    options = request.options
-    if not 0 <= options.seed <= MAX_SEED:
-        raise InputError(f"a seed is a whole number from 0 to 2^63 - 1, got {options.seed}")
     if request.limit is not None and request.limit < 1:
         raise InputError(f"--limit is a number from 1, got {request.limit}")
     request.check_work()
     check_time_limit(request.options.time_limit)
-    check_options(options, request.asking)
+    check_options(request.options, request.asking)
 
 
 def check_options(options: Options, asking: Asking = PLAINLY) -> None:
     """InputError where an option names what does not exist."""
     load_speaking_backend(options.backend, options.base_url, asking)
     load_map(options.intersection)
-    if options.refiner not in REFINERS:
-        known = ", ".join(REFINERS)
-        raise InputError(f"there is no refiner {options.refiner!r}; choose one of: {known}")
+    check_arguments(options.seed, options.refiner)
 
 
 def build_batch_header(source: RowSource, options: Options) -> dict[str, Any]:

@@ -28,9 +28,8 @@ from scenewright.dataset.batch.run import (
 )
 from scenewright.dataset.tables.coverage import Covered, build_bins, count_bins, list_encounters
 from scenewright.errors import InputError
-from scenewright.files import write_atomically
-from scenewright.graph.run import make_folder
-from scenewright.graph.written_proof import read_proof
+from scenewright.files import make_folder, write_atomically
+from scenewright.graph.scene_files import read_proof
 from scenewright.intersections import list_intersections, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap

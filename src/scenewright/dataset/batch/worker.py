@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Mapping
@@ -16,11 +15,14 @@ from scenewright.dataset.batch.answering import (
     PLAINLY,
     Asking,
     Names,
+    WrappedBackend,
     load_speaking_backend,
 )
 from scenewright.dataset.batch.rows import Named, choose_seed
 from scenewright.dataset.tables.splits import Split
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
+from scenewright.files import format_json_line
+from scenewright.graph.arguments import choose_max_agents
 from scenewright.scene.plan_fields import word_plan
 from scenewright.scene.plan_file import PlanFile
 from scenewright.scene.rejection import SEARCHED
@@ -63,8 +65,6 @@ class Options:
     time_limit: float = DEFAULT_LIMIT
 
     def __post_init__(self) -> None:
-        from scenewright.graph.run import choose_max_agents
-
         object.__setattr__(self, "max_agents", choose_max_agents(self.max_agents))
 
     def list_settings(self) -> dict[str, Any]:
@@ -161,18 +161,18 @@ def _run_job(job: Job) -> Outcome:
     try:
         return _make_scene(job)
     except InputError as error:
-        return Outcome("refused", "unusable_input", str(error), paid=_sum_paid(error.models))
+        return Outcome("refused", error.code, str(error), paid=_sum_paid(error.models))
     except OutOfTime as error:
         attempts = max(len(error.rejections), 1)
         paid = _sum_paid(error.models)
         return Outcome("failed", "time_limit", str(error), attempts=attempts, paid=paid)
     except Unsatisfiable as error:
         codes = [each.code for each in error.rejections]
-        code = codes[-1] if codes else "unsatisfiable"
+        code = codes[-1] if codes else error.code
         attempts = max(len(codes), 1)
         return Outcome("refused", code, str(error), attempts=attempts, paid=_sum_paid(error.models))
     except BackendFault as error:
-        return Outcome("failed", "backend_failed", str(error), paid=_sum_paid(error.models))
+        return Outcome("failed", error.code, str(error), paid=_sum_paid(error.models))
     except MemoryError:
         return Outcome("failed", "out_of_memory", "there was not enough memory for this row")
     except Exception as error:
@@ -184,7 +184,8 @@ def _run_job(job: Job) -> Outcome:
 
 
 def _make_scene(job: Job) -> Outcome:
-    from scenewright.graph.run import encode_scene, synthesize
+    from scenewright.graph.run import synthesize
+    from scenewright.graph.scene_files import encode_proof, encode_scene
 
     shared = {name: each for name, each in vars(job.options).items() if name != "draws"}
     backend = _load_backend(shared.pop("backend"), shared.pop("base_url"), job.asking)
@@ -208,7 +209,7 @@ def _make_scene(job: Job) -> Outcome:
         "provenance.json": format_json_line(
             {**about, "row": job.key, "overrides": dict(job.context)}
         ),
-        "proof.json": format_json_line(scene.proof.model_dump(mode="json", by_alias=True)),
+        "proof.json": encode_proof(scene.proof),
         "scene.json": encode_scene(scene.record),
     }
     return Outcome("made", files=files, attempts=attempts, paid=paid)
@@ -238,15 +239,12 @@ def _load_backend(names: Names, base_url: str | None, asking: Asking) -> Backend
     return load_speaking_backend(names, base_url, asking)
 
 
-class _Overriding:
+class _Overriding(WrappedBackend):
     """A backend whose plans have parts of their context replaced."""
 
     def __init__(self, backend: Backend, context: Mapping[str, Any]) -> None:
-        self.name, self.deterministic = backend.name, backend.deterministic
-        self._backend, self._context = backend, dict(context)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._backend, name)
+        super().__init__(backend)
+        self._context = dict(context)
 
     def answer(self, question: Question) -> dict[str, Any]:
         """The backend's reply; a plan's context as the row has it."""
@@ -260,9 +258,3 @@ class _Overriding:
         ]  # fmt: skip
         context = {**(reply.get("context") or {}), **self._context}
         return {**reply, "context": context, "said": said}
-
-
-def format_json_line(value: Any) -> bytes:
-    """A value as one line of JSON: the same value, the same bytes."""
-    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return (text + "\n").encode("utf-8", "backslashreplace")

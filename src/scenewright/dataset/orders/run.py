@@ -6,24 +6,21 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.answering import Asking, Names, find_record_path, find_url
 from scenewright.dataset.batch.carry_out import BatchFolder, ProgressCallback
-from scenewright.dataset.batch.finish import finish, list_journal_rows
+from scenewright.dataset.batch.finish import finish_run
 from scenewright.dataset.batch.journal import Journal
-from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.run import check_options, hash_bundle, list_settings
-from scenewright.dataset.batch.worker import format_json_line
 from scenewright.dataset.orders.agent import Order, OrderContext, build_jobs, fill_slots
 from scenewright.dataset.orders.order_spec import NORMAL, OrderSpec, Quota
 from scenewright.dataset.orders.templates import VOICES
 from scenewright.dataset.orders.wording import BOOK, Book, Slot
 from scenewright.dataset.orders.writers import load_writer
 from scenewright.errors import InputError
-from scenewright.files import write_atomically
+from scenewright.files import format_json_line, write_atomically
 from scenewright.intersections import load_map
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import SceneContext
@@ -59,18 +56,12 @@ def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, A
         slots = fill_slots(context)
         with batch.lock_journals() as journal:
             report = report_of(order, slots, book, journal)
-            if before != _list_sizes(order.out) or not (order.out / MANIFEST).exists():
-                write_atomically(order.out / REPORT, format_json_line(report))
-                jobs = build_jobs(order, book.entries, slots, speakers)
-                finish(
-                    order.out,
-                    partial(list_journal_rows, journal, jobs),
-                    about={key: value for key, value in header.items() if key != "journal"},
-                    given=len(book.entries),
-                    title=order.title,
-                    complete=report["filled"],
-                    extra=(BOOK, REPORT),
-                )
+            write_atomically(order.out / REPORT, format_json_line(report))
+            finish_run(
+                batch, journal, build_jobs(order, book.entries, slots, speakers),
+                changed=before != _list_sizes(order.out), given=len(book.entries),
+                title=order.title, complete=report["filled"], extra=(BOOK, REPORT),
+            )  # fmt: skip
     return report
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from scenewright.dataset.batch.answering import BUILTIN, Names
 from scenewright.dataset.batch.journal import cut_torn_line
-from scenewright.dataset.batch.worker import Options, format_json_line
+from scenewright.dataset.batch.worker import Options
 from scenewright.dataset.orders.order_spec import OrderSpec, Quota
 from scenewright.dataset.orders.scenario_spec import (
     Party,
@@ -31,6 +31,7 @@ from scenewright.dataset.orders.scenario_spec import (
 from scenewright.dataset.orders.templates import list_voices, render_text
 from scenewright.dataset.orders.writers import BuiltinWriter, StoryRequest, Writer, WrittenText
 from scenewright.errors import InputError
+from scenewright.files import format_json_line
 from scenewright.intersections import load_map
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import Density

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.graph.run import load_scene
+from scenewright.graph.scene_files import load_scene
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import EventRecord, SceneRecord, SignalRecord
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_rider_shape, get_vehicle_shape

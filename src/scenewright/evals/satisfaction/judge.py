@@ -16,7 +16,8 @@ from scenewright.dataset.tables.markdown import format_table
 from scenewright.errors import InputError
 from scenewright.evals.planning import PlanningShare, does_time_fit
 from scenewright.geometry.map_areas import geos
-from scenewright.graph.run import load_scene, load_tracks, verify, verify_tracks
+from scenewright.graph.scene_files import load_scene
+from scenewright.graph.verify import load_tracks, verify, verify_tracks
 from scenewright.intersections import load_map
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.events import Event

@@ -13,7 +13,7 @@ from scenewright.dataset.batch.manifest import read_manifest
 from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import InputError
 from scenewright.evals.planning import PlanningShare
-from scenewright.graph.run import load_scene
+from scenewright.graph.scene_files import load_scene
 from scenewright.scene.record import SceneRecord
 
 _COLUMNS = ("folder", "code", "asked", "backend", "verified", "relations")

@@ -18,8 +18,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from scenewright.errors import InputError
-from scenewright.graph.run import load_scene
-from scenewright.graph.written_proof import read_proof
+from scenewright.graph.scene_files import load_scene, read_proof
 from scenewright.scene.base import AgentClass, Compass, FloatArray, frozen
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord, SignalRecord
