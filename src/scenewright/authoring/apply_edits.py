@@ -46,11 +46,7 @@ def move_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
     s = stop.s + metres
     if not 2.0 < s < agent.candidate.path.length - 1.0:
         raise build_rejection(agent.name, f"has no room to stop {metres:+g} m from where it does")
-    others = tuple(each for each in agent.stops if each is not stop)
-    holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
-    stands = (
-        compute_arrival(agent.candidate, StopCommand(s, 0.0, stop.braking), holds) + agent.enters
-    )
+    stands = _compute_standing_time(agent, stop, StopCommand(s, 0.0, stop.braking))
     ahead = None if stop.ahead is None else stop.ahead - metres
     moved = replace(
         stop,
@@ -60,7 +56,7 @@ def move_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
         until=max(stop.until, stands + _LEAST_STAND),
         ahead=ahead,
     )
-    return replace(agent, stops=_sort_stops(*others, moved))
+    return _replace_stop(agent, stop, moved)
 
 
 def extend_stop(agent: SelectedAgent, seconds: float) -> SelectedAgent:
@@ -70,20 +66,16 @@ def extend_stop(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     """
     rolling = _find_slowest(agent)
     if rolling is not None and seconds > 0.0:
-        others = tuple(each for each in agent.stops if each is not rolling)
-        holds = tuple(StopCommand(e.s, e.until - agent.enters, e.braking) for e in others)
-        stands = compute_arrival(agent.candidate, StopCommand(rolling.s, 0.0), holds) + agent.enters
+        stands = _compute_standing_time(agent, rolling, StopCommand(rolling.s, 0.0))
         until = stands + max(seconds, _LEAST_STAND)
-        full = replace(rolling, start=stands, until=until, speed=0.0)
-        return replace(agent, stops=_sort_stops(*others, full))
+        return _replace_stop(agent, rolling, replace(rolling, start=stands, until=until, speed=0.0))
     stop = _find_stop(agent)
     until = stop.until + seconds
     if until < stop.start + _LEAST_STAND:
         raise build_rejection(
             agent.name, f"stands for {stop.until - stop.start:.1f} s, which leaves nothing"
         )
-    others = tuple(each for each in agent.stops if each is not stop)
-    return replace(agent, stops=_sort_stops(*others, replace(stop, until=until)))
+    return _replace_stop(agent, stop, replace(stop, until=until))
 
 
 def move_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
@@ -134,8 +126,20 @@ def _find_slowest(agent: SelectedAgent) -> Stop | None:
     return yields[0] if yields and all(each.rolls for each in yields) else None
 
 
-def _sort_stops(*stops: Stop) -> tuple[Stop, ...]:
-    return tuple(sorted(stops, key=lambda each: each.s))
+def _compute_standing_time(agent: SelectedAgent, earlier: Stop, command: StopCommand) -> float:
+    """When the agent comes to stand by a command in place of an earlier stop [s]."""
+    others = tuple(
+        StopCommand(stop.s, stop.until - agent.enters, stop.braking)
+        for stop in agent.stops
+        if stop is not earlier
+    )
+    return compute_arrival(agent.candidate, command, others) + agent.enters
+
+
+def _replace_stop(agent: SelectedAgent, earlier: Stop, later: Stop) -> SelectedAgent:
+    """The agent with a stop in place of an earlier one."""
+    stops = (*(stop for stop in agent.stops if stop is not earlier), later)
+    return replace(agent, stops=tuple(sorted(stops, key=lambda stop: stop.s)))
 
 
 def build_rejection(name: str, what: str) -> Rejected:
@@ -252,9 +256,7 @@ def _find_touched(
                 touched.add(measure.agent)
                 other |= set() if measure.other is None else {measure.other}
             case ComeLater(agent=name):
-                for edge in graph.relations:
-                    if name in (edge.from_, edge.to):
-                        touched.add(edge.to if name == edge.from_ else edge.from_)
+                touched |= {e.get_other(name) for e in graph.relations if name in e.pair}
             case AddObject(node=node) if node.hides is not None:
                 touched.add(node.hides)
                 other.add(str(node.hidden_from))

@@ -75,8 +75,8 @@ def _build_pins(
     # Who reacts to one of them and to another agent too is solved at once with both.
     asked = free
     for name in _find_reacting(asked, revision):
-        edges = [each for each in graph.relations if name in (each.from_, each.to)]
-        if any(_is_acting(name, e) and not {e.from_, e.to} & asked for e in edges):
+        edges = [edge for edge in graph.relations if name in edge.pair]
+        if any(_is_acting(name, edge) and not edge.pair & asked for edge in edges):
             free |= {name}
     placed = _find_reacting(free, revision) if lights else {}
     fixed, offered = {}, {}
@@ -120,9 +120,9 @@ def _find_reacting(free: frozenset[str], revision: Revision) -> dict[str, Select
             continue
         changed = [e for e in revision.before.relations if e not in revision.graph.relations]
         for edge in (*revision.graph.relations, *changed):
-            if name not in (edge.from_, edge.to):
+            if name not in edge.pair:
                 continue
-            other = edge.to if name == edge.from_ else edge.from_
+            other = edge.get_other(name)
             if _is_acting(name, edge) and (other in moving or edge in changed):
                 found[name] = agent if name in revision.by_hand else without_edits(agent)
     return found
@@ -146,9 +146,9 @@ def _list_patterns(
         if edge not in revision.before.relations:
             continue
         before = played.get(revision.before.relations.index(edge))
-        if before is None or (names is not None and not {edge.from_, edge.to} <= set(names)):
+        if before is None or (names is not None and not edge.pair <= set(names)):
             continue
-        if {edge.from_, edge.to} & _find_changed_agents(revision):
+        if edge.pair & _find_changed_agents(revision):
             continue
         found[index] = before.model_copy(update={"edge": index})
     return found
@@ -160,8 +160,4 @@ def _find_changed_agents(revision: Revision) -> set[str]:
 
 
 def _find_partners(names: frozenset[str], graph: SocialGraph) -> frozenset[str]:
-    found = set()
-    for edge in graph.relations:
-        if {edge.from_, edge.to} & names:
-            found |= {edge.from_, edge.to}
-    return frozenset(found)
+    return frozenset().union(*(edge.pair for edge in graph.relations if edge.pair & names))

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
-from scenewright.authoring.thread_state import ThreadState, Version
-from scenewright.backends.offline import CLASSES, WORDS, compile_words
+from scenewright.authoring.thread_state import ThreadState, Version, list_lineage
+from scenewright.backends.offline import CLASSES, WORDS, Patterns
 from scenewright.scene.edits import Edit, diff_graphs
 from scenewright.scene.social import SocialGraph
 
-_RETURNS = compile_words("find_version.returns")
-_GOES_BACK = compile_words("find_version.goes_back")
-_NEWEST = compile_words("find_version.newest")
-_FIRST = compile_words("find_version.first")
-_BEFORE = compile_words("find_version.before")
-_WITHOUT = compile_words("find_version.without")
-_EMPTY = compile_words("find_version.empty")
+_PATTERNS = Patterns("find_version")
+
 _EVENT_WORDS = {"collide_at": "crash", "near_miss": "miss", "yield_to": "yield", "follow": "follow"}
 
 
 def goes_back(words: str) -> bool:
     """Whether words such as "go back to the collision" ask for an earlier version."""
-    return _GOES_BACK.search(words.lower()) is not None
+    return _PATTERNS.goes_back.search(words.lower()) is not None
 
 
 def find_version(words: str, state: ThreadState) -> int | None:
@@ -31,9 +27,9 @@ def find_version(words: str, state: ThreadState) -> int | None:
     versions = state.get("versions", [])
     if not versions:
         return None
-    if _NEWEST.search(plain):
+    if _PATTERNS.newest.search(plain):
         return max(each["number"] for each in versions)
-    for pattern in (_BEFORE, _WITHOUT):
+    for pattern in (_PATTERNS.before, _PATTERNS.without):
         if (found := pattern.search(plain)) and (number := _find_absence(found["what"], state)):
             return number
     wanted = _list_tokens(plain)
@@ -42,7 +38,7 @@ def find_version(words: str, state: ThreadState) -> int | None:
     best = max(scored, default=(0.0, 0))
     if best[0] > 0:
         return best[1]
-    return versions[0]["number"] if _FIRST.search(plain) else None
+    return versions[0]["number"] if _PATTERNS.first.search(plain) else None
 
 
 def find_removal(words: str, state: ThreadState) -> tuple[int, tuple[Edit, ...]] | None:
@@ -50,18 +46,16 @@ def find_removal(words: str, state: ThreadState) -> tuple[int, tuple[Edit, ...]]
 
     The latest one counts of those that the current version comes from; "it" is whatever went.
     """
-    found = _RETURNS.search(words.lower().strip(" .!"))
+    found = _PATTERNS.returns.search(words.lower().strip(" .!"))
     if found is None:
         return None
-    versions = {each["number"]: each for each in state.get("versions", [])}
-    number, wanted = state.get("current"), _list_tokens(found["what"])
-    while number is not None and (parent := versions[number]["parent"]) is not None:
-        now, before = (SocialGraph.model_validate(versions[n]["graph"]) for n in (number, parent))
+    wanted = _list_tokens(found["what"])
+    for version, parent in pairwise(list_lineage(state)):
+        now, before = (SocialGraph.model_validate(each["graph"]) for each in (version, parent))
         was, there = _list_kinds(before), _list_kinds(now)
         gone = {kind for name, kinds in was.items() if name not in there for kind in kinds}
         if gone and (gone & wanted or not wanted):
-            return number, diff_graphs(now, before)
-        number = parent
+            return version["number"], diff_graphs(now, before)
     return None
 
 
@@ -73,16 +67,11 @@ def _list_kinds(graph: SocialGraph) -> dict[str, set[str | None]]:
 
 def _find_absence(what: str, state: ThreadState) -> int | None:
     """The version that another was made from, which brought in what is named."""
-    versions = {each["number"]: each for each in state.get("versions", [])}
-    number, wanted = state.get("current"), _list_tokens(what)
-    while number is not None and wanted:
-        version = versions[number]
-        parent = version["parent"]
-        before = _describe(versions[parent]) if parent is not None else set()
-        came = (_describe(version) - before) | _list_tokens(version["words"])
-        if parent is not None and wanted & came:
-            return parent
-        number = parent
+    wanted = _list_tokens(what)
+    for version, parent in pairwise(list_lineage(state)):
+        came = (_describe(version) - _describe(parent)) | _list_tokens(version["words"])
+        if wanted & came:
+            return parent["number"]
     return None
 
 
@@ -121,6 +110,6 @@ def _list_tokens(text: str) -> set[str]:
         elif noun in CLASSES:
             kind, subtype = CLASSES[noun]
             found |= {noun, subtype or kind}
-        elif not _EMPTY.fullmatch(word):
+        elif not _PATTERNS.empty.fullmatch(word):
             found.add(word)
     return found

@@ -19,7 +19,7 @@ from scenewright.authoring.talk import Talk, simplify
 from scenewright.backends.offline import (
     WORDS,
     Named,
-    compile_words,
+    Patterns,
     fill_in,
     find_named,
     rank_intents,
@@ -52,6 +52,8 @@ from scenewright.scene.route_table import WAY_FIELDS
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, ObjectNode, RelationEdge
 from scenewright.tools.gmm_sampler.background_counts import DENSITIES
 
+_PATTERNS = Patterns("intent_edits")
+
 SURE, LIKELY = 0.75, 0.45
 """Probabilities from which an intent overrides what was read otherwise, or is ignored."""
 _MORE, _FEWER, _CLOSER = 1.4, 0.6, 0.6
@@ -68,10 +70,6 @@ MAKES: dict[str, list[str]] = WORDS["intent_edits"]["makes"]
 _DECLINES: dict[str, str] = WORDS["intent_edits"]["declines"]
 _OF_OTHERS: list[str] = WORDS["intent_edits"]["of_others"]
 _NUMBERS: dict[str, float] = WORDS["intent_edits"]["numbers"]
-_NUMBER = compile_words("intent_edits.number")
-_RIDDEN = compile_words("intent_edits.ridden")
-_BEFORE_KIND = compile_words("intent_edits.before_kind")
-_SIDE = re.compile(r"\b(north|south|east|west)(bound)?(?:ern|erly)?\b")
 _JOINS = r"\b(?:with|beside|next to|alongside)\b"
 _STANDS = r"\b(?:double[- ]?)?(?:parked|stalled|standing|broken[- ]down) "
 _FIRST = r"\bfirst$"
@@ -118,7 +116,7 @@ def relates_known(reading: Edits, talk: Talk) -> bool:
     """Whether what happens between agents that are there becomes something else."""
     known = {each.id for each in talk.situation.graph.agents}
     edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
-    return any({each.from_, each.to} <= known for each in edges)
+    return any(edge.pair <= known for edge in edges)
 
 
 def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool:
@@ -167,7 +165,10 @@ def _adds_agent(reading: Edits, wish: EditIntent) -> bool:
 
 def _changes_context(reading: Edits, wish: EditIntent) -> bool:
     """Whether the hour becomes another; or whether more, or fewer, others are around than now."""
-    was, now = wish.talk.situation.graph.context, sum(wish.talk.count_others().values())
+    was, now = (
+        wish.talk.situation.graph.context,
+        sum(wish.talk.situation.count_background().values()),
+    )
     edits = [each for each in reading.edits if isinstance(each, ChangeContext)]
     if wish.intent == "clock":
         return any(each.time_of_day != was.time_of_day for each in edits)
@@ -200,16 +201,16 @@ def _find_turn(plain: str) -> str | None:
 
 
 def _find_side(plain: str) -> str | None:
-    found = _SIDE.search(plain)
+    found = _PATTERNS.side.search(plain)
     return None if found is None else OPPOSITE[found[1]] if found[2] else found[1]
 
 
 def find_new_kind(plain: str) -> Named | None:
     """The noun of a new agent, as in "a bus" or "into a bus"; None where there is none."""
-    ridden = _RIDDEN.sub("", plain)
+    ridden = _PATTERNS.ridden.sub("", plain)
     nouns = [each for each in find_named(ridden) if each.type not in (None, "none")]
     new = [each for each in nouns if each.det in ("indefinite", "another")]
-    bare = [e for e in nouns if e.det == "bare" and _BEFORE_KIND.search(ridden[: e.start])]
+    bare = [e for e in nouns if e.det == "bare" and _PATTERNS.before_kind.search(ridden[: e.start])]
     return next(iter(new or bare), None)
 
 
@@ -226,8 +227,7 @@ def decline(reason: str) -> DeclinedTurn:
 def replace_agent(node: AgentNode, new: Named, talk: Talk) -> Edits:
     """An agent of another class in the place of one: in its relations, on its way if it can."""
     situation = talk.situation
-    taken = {e.id for e in situation.present} | {e.id for e in situation.graph.agents}
-    name = next(f"{new.type}-{n}" for n in range(1, 99) if f"{new.type}-{n}" not in taken)
+    name = next(situation.generate_ids(str(new.type)))
     kept = talk.keep_way(node)
     on_foot = "pedestrian" in (new.type, node.type)
     way = {} if on_foot else {key: getattr(kept, key) for key in WAY_FIELDS}
@@ -292,7 +292,9 @@ class EditIntent:
 
     def number(self, *units: str) -> float | None:
         """The first number in the words, with one of these units if any are named."""
-        every = sorted(_NUMBER.finditer(self.plain), key=lambda each: each["number"] in _NUMBERS)
+        every = sorted(
+            _PATTERNS.number.finditer(self.plain), key=lambda each: each["number"] in _NUMBERS
+        )
         for found in every:  # "that one, at 50": figures before words
             if not units or (found["unit"] or "").startswith(units):
                 text = found["number"].replace(",", ".")
@@ -319,8 +321,8 @@ class EditIntent:
             both = [edge.from_, edge.to] if edge is not None else every
             return (both[0], both[1]) if len(both) == 2 else None
         first = self.named[0].id
-        if edge is not None and first in (edge.from_, edge.to):
-            return first, edge.to if edge.from_ == first else edge.from_
+        if edge is not None and first in edge.pair:
+            return first, edge.get_other(first)
         others = [each for each in every if each != first]
         return (first, others[0]) if len(others) == 1 else None
 
@@ -463,7 +465,7 @@ def _swap(wish: EditIntent) -> _Answer:
 
 def _let_first(edge: RelationEdge, first: str) -> Edits:
     """What happens between two with one of them ahead; of who gives way it is the other."""
-    other = edge.to if edge.from_ == first else edge.from_
+    other = edge.get_other(first)
     update = {"from_": other, "to": first} if edge.type == "yield_to" else {"first": first}
     return make_edits(Relate(edge=edge.model_copy(update={**update, "pattern": None})))
 
@@ -568,7 +570,7 @@ def _change_reaction(wish: EditIntent) -> _Answer:
     met = wish.talk.list_edges("collide_at", "near_miss")
     if any(node.id == edge.from_ for edge in wish.talk.list_edges("yield_to")):
         return offer_sentences(f"{node.id} gives way.", ["make it a near miss", "make it a crash"])
-    if not any(node.id in (edge.from_, edge.to) for edge in met):
+    if not any(node.id in edge.pair for edge in met):
         return decline(
             f"{node.id} is in no collision and no near miss, so there is nothing to react to. "
             'Say what shall happen first, such as "have it be a near miss".'
@@ -588,7 +590,12 @@ def _find_kinds(plain: str) -> list[str]:
 
 
 def _change_background(wish: EditIntent) -> _Answer:
-    now, kinds, number = wish.talk.count_others(), _find_kinds(wish.plain), wish.number()
+    others, kinds, number = (
+        wish.talk.situation.count_background(),
+        _find_kinds(wish.plain),
+        wish.number(),
+    )
+    now = {f"{kind}s": count for kind, count in others.items()}
     more = wish.intent == "more_traffic"
     twice, half = wish.says(r"\b(?:twice|double)\b"), wish.says(r"\bhalf\b")
     wanted = {}
@@ -612,8 +619,7 @@ def _remove_background(wish: EditIntent) -> _Answer:
     """No agent besides those of the event; or none of a kind of vehicle."""
     rare = {e.subtype for e in find_named(wish.plain) if e.plural} - {None, "car"}
     if rare:
-        gone = [each.id for each in wish.talk.situation.present
-                if each.role == "background" and each.subtype in rare]  # fmt: skip
+        gone = [each.id for each in wish.talk.situation.background if each.subtype in rare]
         if not gone:
             return decline("There is none of these besides those that you spoke of.")
         return make_edits(*(RemoveAgent(agent=each) for each in gone))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from scenewright.backends import Account, Backend, get_backend_of_task, ignore_account
-from scenewright.backends.offline import CLASSES, compile_words
+from scenewright.backends.offline import CLASSES, Patterns
 from scenewright.errors import BackendFault
 from scenewright.scene.edits import (
     AgentView,
@@ -23,6 +23,8 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.phrasing import call_agents
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.social import Refusal, SocialGraph
+
+_PATTERNS = Patterns("read_turn")
 
 
 def build_situation(graph: SocialGraph, record: SceneRecord, earlier: PreviousVersion) -> Situation:
@@ -89,10 +91,8 @@ SENTENCE = "sentence"
 """Marker of a choice between sentences, in place of a phrase."""
 
 
-_TELLS_EVENT = compile_words("read_turn.tells_event")
 _NOTHING = "Nothing happens"
 """In an offered sentence without an event."""
-_SENTENCES = re.compile(r"(?<=[.!?;:])\s+|\n+")
 _MOST_PARTS = 6
 _NARRATOR = re.compile(
     r"\b(?:i|my|we)(?:'m| am| was)?(?: [a-z]+){0,4}? (?P<noun>"
@@ -134,7 +134,7 @@ def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarific
 
 def _measure_cover(sentence: str, words: str) -> int:
     """How much of what the words name a sentence has: road users, and that something happens."""
-    tells = all(_TELLS_EVENT.search(each.lower()) for each in (words, sentence))
+    tells = all(_PATTERNS.tells_event.search(each.lower()) for each in (words, sentence))
     happens = tells and _NOTHING not in sentence
     return len(_list_classes(words) & _list_classes(sentence)) + 2 * happens
 
@@ -162,7 +162,7 @@ def _list_parts(words: str) -> list[str]:
     if noun is not None:
         article = "an" if noun[0] in "aeiou" else "a"
         said = re.sub(r"\bme\b", f"{article} {noun}", words, count=1)
-    sentences = [each for each in _SENTENCES.split(said) if len(each.split()) > 2]
+    sentences = [each for each in _PATTERNS.sentences.split(said) if len(each.split()) > 2]
     together = [" ".join(sentences[k:]) for k in range(len(sentences))]
     parts = [each for each in dict.fromkeys([*together, *sentences]) if each != words]
     return parts[:_MOST_PARTS]

@@ -24,7 +24,13 @@ from scenewright.authoring.intent_edits import (
 from scenewright.authoring.read_turn import offer_sentences
 from scenewright.authoring.talk import Talk, simplify
 from scenewright.authoring.turn_kind import Kind, TurnKind, classify_turn, read_name
-from scenewright.backends.offline import CLASSES, WORDS, compile_words, find_named, rank_intents
+from scenewright.backends.offline import (
+    CLASSES,
+    WORDS,
+    Patterns,
+    find_named,
+    rank_intents,
+)
 from scenewright.scene.edits import (
     ChangeAgent,
     Clarification,
@@ -37,9 +43,9 @@ from scenewright.scene.edits import (
 )
 from scenewright.scene.route_table import WAY_FIELDS
 
+_PATTERNS = Patterns("second_opinion")
+
 Read = Callable[[str], Reading]
-_CLAUSES = re.compile(r"\s*(?:[.;!?]+(?=\s|$)|,|\s-\s)\s*")
-_NUMBER = compile_words("second_opinion.number")
 _NUMBERS: dict[str, int] = WORDS["turn_kind"]["numbers"]
 _SENTENCES: dict[str, str] = WORDS["second_opinion"]["sentences"]
 _MOST_OFFERED, _LEAST_OFFERED = 3, 0.08
@@ -77,8 +83,10 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     if guess.is_question and (scene or guess.chance >= SURE):
         return TurnKind(kind="question", words=words, topic=guess.intent)
     steps = ("version", "undo", "redo")
-    if scene and (guess.intent == "version" or (guess.intent in steps and _NEWEST.search(words))):
-        found = _VERSION.search(words.lower())
+    if scene and (
+        guess.intent == "version" or (guess.intent in steps and _PATTERNS.newest.search(words))
+    ):
+        found = _PATTERNS.version.search(words.lower())
         said = None if found is None else found[1] or found[2]
         number = None if said is None else _NUMBERS.get(said) or int(said)
         return TurnKind(kind="version", words=words, number=number)
@@ -96,10 +104,6 @@ def _step(name: str, words: str) -> TurnKind:
     return TurnKind(kind=kind, words=words, count=max(count, 1))
 
 
-_NEWEST = re.compile(r"\b(?:latest|newest|most recent)\b", re.IGNORECASE)
-_VERSION = compile_words("second_opinion.version")
-
-
 def _find_topic(words: str) -> str | None:
     """The topic of a question, as far as the model of turns knows it."""
     asked = [each for each in rank_intents(words) if each.name.startswith("q_")]
@@ -110,25 +114,17 @@ def _read_number(words: str) -> int | None:
     plain = words.lower()
     if re.search(r"\b(?:first|original|very start|beginning)\b", plain):
         return 1
-    found = _NUMBER.search(plain)
+    found = _PATTERNS.number.search(plain)
     return None if found is None else _NUMBERS.get(found[1]) or int(found[1])
 
 
 def _is_change(words: str) -> bool:
     """Whether a clause of several asks for a change: thanks may stand beside it."""
-    clauses = [each for each in _CLAUSES.split(words) if each.strip()]
+    clauses = [each for each in _PATTERNS.clauses.split(words) if each.strip()]
     if len(clauses) < 2:
         return False
     guesses = [guess_intent(each) for each in clauses]
     return any(each.is_change and each.chance >= LIKELY for each in guesses)
-
-
-_RATHER = compile_words("second_opinion.rather")
-_THAT_IS = compile_words("second_opinion.that_is")
-_CLOCK = re.compile(r"\d+:\d\d(?: ?[ap]m)?|\d+ ?[ap]m\b")
-_FIGURE = re.compile(r"(?<![\d:])\d+(?:[.,]\d+)?(?![\d:]| ?[ap]m\b)")
-_SIDE = re.compile(r"\b(?:north|south|east|west)\b")
-_AGENT = compile_words("second_opinion.agent")
 
 
 def correct(words: str, before: str) -> tuple[str, bool]:
@@ -138,29 +134,29 @@ def correct(words: str, before: str) -> tuple[str, bool]:
     so that what was done to the first is to be taken back.
     """
     plain = " ".join(words.lower().strip(" .!").split())
-    bare = _THAT_IS.sub("", _RATHER.sub("", plain))
-    if re.fullmatch(r"\d+(?:[.,]\d+)?(?: ?[a-z/]+)?", plain) and _FIGURE.search(before):
-        return _FIGURE.sub(_FIGURE.search(plain)[0], before, count=1), False  # type: ignore[index]
+    bare = _PATTERNS.that_is.sub("", _PATTERNS.rather.sub("", plain))
+    if re.fullmatch(r"\d+(?:[.,]\d+)?(?: ?[a-z/]+)?", plain) and _PATTERNS.figure.search(before):
+        return _PATTERNS.figure.sub(_PATTERNS.figure.search(plain)[0], before, count=1), False  # type: ignore[index]
     if bare == plain or not before or len(bare.split()) > 4:
         return words, False
     for pattern, whole in (
-        (_CLOCK, r"[\d:]+(?: ?[ap]m)?"),
-        (_FIGURE, r"\d+(?:[.,]\d+)?(?: ?[a-z/²]+){0,2}"),
-        (_SIDE, r"(?:from |to |on |in )?(?:the )?(?:north|south|east|west)(?: side)?"),
-        (_AGENT, r"the (?:other )?[a-z-]+"),
+        (_PATTERNS.clock, r"[\d:]+(?: ?[ap]m)?"),
+        (_PATTERNS.figure, r"\d+(?:[.,]\d+)?(?: ?[a-z/²]+){0,2}"),
+        (_PATTERNS.side, r"(?:from |to |on |in )?(?:the )?(?:north|south|east|west)(?: side)?"),
+        (_PATTERNS.agent, r"the (?:other )?[a-z-]+"),
     ):
         new, old = pattern.search(bare), pattern.search(before.lower())
         if new is not None and old is not None and re.fullmatch(whole, bare):
-            return f"{before[: old.start()]}{new[0]}{before[old.end() :]}", pattern is _AGENT
+            return (
+                f"{before[: old.start()]}{new[0]}{before[old.end() :]}",
+                pattern is _PATTERNS.agent,
+            )
     return words, False
-
-
-_TURNS_BACK = compile_words("second_opinion.turns_back")
 
 
 def correct_within(words: str) -> str:
     """ "make the car slower, sorry, the truck": the first part with what is said instead."""
-    first, *rest = _TURNS_BACK.split(words, maxsplit=1)
+    first, *rest = _PATTERNS.turns_back.split(words, maxsplit=1)
     fixed = correct(rest[0], first)[0] if rest else words
     return fixed if rest and fixed != rest[0] else words
 
@@ -184,7 +180,7 @@ def check_first_words(words: str) -> DeclinedTurn | Clarification | None:
     events = ("collide", "near_miss", "yields", "follow", "add_agent", "nothing_happens", "jaywalk")
     if not guess.is_change or guess.chance < SURE or guess.intent in events:
         return None
-    if len(_NEW_ONE.findall(words.lower())) >= 1:
+    if len(_PATTERNS.new_one.findall(words.lower())) >= 1:
         return None
     reason = WORDS["second_opinion"]["no_scene"]
     return DeclinedTurn(code="no_change", reason=reason)
@@ -195,7 +191,7 @@ def _find_clause(words: str) -> TurnKind | None:
 
     That is the last one, or one that is surely about the conversation, such as "please keep it".
     """
-    clauses = [each for each in _CLAUSES.split(words) if each.strip()]
+    clauses = [each for each in _PATTERNS.clauses.split(words) if each.strip()]
     if len(clauses) < 2 or _is_change(" , ".join(clauses[:-1]) + ","):
         return None
     turn, guess = classify_turn(clauses[-1]), guess_intent(clauses[-1])
@@ -205,7 +201,7 @@ def _find_clause(words: str) -> TurnKind | None:
         return None
     for clause in reversed(clauses):
         guess = guess_intent(clause)
-        if _KEEPS.match(clause.lower().strip()):
+        if _PATTERNS.keeps.match(clause.lower().strip()):
             return _step("save", words)
         if guess.intent in STEPS and guess.chance >= SURE and guess.intent not in _POLITE:
             return _step(STEPS[guess.intent], words)
@@ -213,12 +209,7 @@ def _find_clause(words: str) -> TurnKind | None:
 
 
 _COMMANDS = ("save", "gif", "mp4", "html", "undo")
-_KEEPS = compile_words("second_opinion.keeps")
 _POLITE = ("talk", "quit", "show", "play", "help")
-
-
-_KEEPS_OUT = compile_words("second_opinion.keeps_out")
-_NO_CONTACT = compile_words("second_opinion.no_contact")
 
 
 def choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
@@ -233,10 +224,10 @@ def choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> R
     chances = dict(rank_intents(words))
     asked = sum(chances[name] for name in WORDS["second_opinion"]["removing"]) >= _HARDLY
     removes = any(each.edit == "remove_agent" for each in found.edits)
-    if removes and (_KEEPS_OUT.search(plain) or not asked):
+    if removes and (_PATTERNS.keeps_out.search(plain) or not asked):
         return _ask(words, talk, read) or _decline_change()
     hits = any(isinstance(each, Relate) and each.edge.type == "collide_at" for each in found.edits)
-    if hits and _NO_CONTACT.search(plain):
+    if hits and _PATTERNS.no_contact.search(plain):
         return offer_sentences("I am not sure what shall be different.", ["make it a near miss"])
     return _keep_ways(found, talk)
 
@@ -262,7 +253,7 @@ def _keep_ways(reading: Edits, talk: Talk) -> Edits:
 def _choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
     guess = guess_intent(words)
     if (name := talk.find_unknown_name(words)) is not None:
-        called = ", ".join(e.called for e in talk.situation.present if e.role == "foreground")
+        called = ", ".join(agent.called for agent in talk.situation.foreground)
         return decline(f"Nobody here is called {name}; there is {called or 'nobody'}.")
     if (noun := simplify(words)) in CLASSES:
         there = [f"remove {each.id}" for each in talk.find_agents(f"the {noun}")[:1]]
@@ -311,7 +302,7 @@ def _keep(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
     if isinstance(by_planner, NewScene) and (
         # The words describe a scene of their own rather than something about this one.
         dict(rank_intents(words))["new_scene"] >= LIKELY
-        or len(_NEW_ONE.findall(words.lower())) >= 2
+        or len(_PATTERNS.new_one.findall(words.lower())) >= 2
     ):
         return by_planner
     declined = by_planner if isinstance(by_planner, DeclinedTurn) else None
@@ -323,9 +314,6 @@ def _keep(words: str, by_planner: Reading, talk: Talk, read: Read) -> Reading:
 
 def _decline_change() -> DeclinedTurn:
     return DeclinedTurn(code="no_change", reason=WORDS["second_opinion"]["unclear"])
-
-
-_NEW_ONE = re.compile(r"\b(?:a|an|two|three|some|another|somebody|someone)\s+\w+")
 
 
 def _ask(words: str, talk: Talk, read: Read) -> Clarification | None:

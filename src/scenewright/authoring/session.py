@@ -49,11 +49,12 @@ from scenewright.authoring.thread_state import (
     ThreadSetting,
     ThreadState,
     Version,
+    list_lineage,
 )
 from scenewright.authoring.turn_kind import TurnKind, spell_fully
 from scenewright.authoring.versions import EditResult, begin, change
 from scenewright.backends import Account, Backend, Call, get_backend_of_task
-from scenewright.backends.offline import WORDS, begins_anew, compile_words, read_choice
+from scenewright.backends.offline import WORDS, Patterns, begins_anew, read_choice
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.files import format_json_line
 from scenewright.graph.arguments import check_arguments
@@ -83,12 +84,11 @@ from scenewright.scene.social import SocialGraph
 from scenewright.time_limit import DEFAULT_LIMIT, check_time_limit, limit_time
 from scenewright.work_limit import MOST_WORK, limit_work
 
+_PATTERNS = Patterns("session")
+
 MAIN = "main"
 _READING: TypeAdapter[Reading] = TypeAdapter(Reading)
 _EDITS: TypeAdapter[tuple[Edit, ...]] = TypeAdapter(tuple[Edit, ...])
-_OPENING = compile_words("session.opening")
-_ABOUT_VERSION = compile_words("session.about_version")
-_AGREES = compile_words("session.agrees")
 _SHORT_ANSWER = 3
 """Words of what may be meant as an answer to a question, though it is none of its answers."""
 _SHORT_QUESTION = 8
@@ -262,15 +262,11 @@ class Session:
         with self.take_turn():
             self.interrupted = None
             self._heading = self.state.get("heading") or self._heading  # another's may be first
+            blank = ThreadState(
+                argument="", heading=self._heading, reading=None, models={}, reply={}
+            )
             out = self._graph.invoke(
-                cast(
-                    ThreadState,
-                    {
-                        **{"argument": "", "heading": self._heading, "reading": None},
-                        **{"models": {}, "reply": {}},
-                        **said,
-                    },
-                ),
+                cast(ThreadState, {**blank, **said}),
                 config=self._config,
                 context=self._context,
                 durability="sync",
@@ -445,16 +441,15 @@ def _take_back(state: ThreadState) -> ThreadState:
 
 def _resolve_answer(state: ThreadState) -> tuple[str, dict[str, str]]:
     """The words that are to be read, and the agent chosen for them if these are an answer."""
-    pending = state.get("pending")
-    choice = (
-        None
-        if pending is None
-        else read_choice(state["words"], Clarification.model_validate(pending["ask"]))
-    )
-    if pending is not None and choice is None and _AGREES.match(state["words"].lower()):
-        choice = Clarification.model_validate(pending["ask"]).choices[0]
-    if pending is None or choice is None:
-        return state["words"], {}
+    pending, words = state.get("pending"), state["words"]
+    if pending is None:
+        return words, {}
+    question = Clarification.model_validate(pending["ask"])
+    choice = read_choice(words, question)
+    if choice is None and _PATTERNS.agrees.match(words.lower()):
+        choice = question.choices[0]
+    if choice is None:
+        return words, {}
     noun, _, meant = choice.means.partition("=")
     if noun == SENTENCE:
         return meant or "none of these", {}
@@ -507,12 +502,8 @@ def _build_talk(state: ThreadState, context: SessionContext) -> Talk | None:
 
 def _list_touched(state: ThreadState) -> list[str]:
     """Agents that earlier words were about, the last first, back to the first version."""
-    versions = {each["number"]: each for each in state.get("versions", [])}
-    version, names = _find_version(state, None), list[str]()
-    while version is not None:
-        edits = _EDITS.validate_python(version["edits"])
-        names += sorted(list_concerned(edits), reverse=True)
-        version = versions.get(version["parent"] or 0)
+    turns = (_EDITS.validate_python(version["edits"]) for version in list_lineage(state))
+    names = (name for edits in turns for name in sorted(list_concerned(edits), reverse=True))
     return list(dict.fromkeys(names))
 
 
@@ -571,7 +562,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             )  # fmt: skip
             made = _run_apart(step, context.time_limit)
         else:
-            text = _keep_hour(_OPENING.sub("", state["words"]), version)
+            text = _keep_hour(_PATTERNS.opening.sub("", state["words"]), version)
             asked: str | PlanFile = text
             if state["act"] == "plan":
                 given = json.loads(state["argument"])
@@ -593,19 +584,15 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
     return entered
 
 
-_ADDED = compile_words("session.added")
-_HOUR = compile_words("session.hour")
-
-
 def _keep_hour(words: str, version: Version | None) -> str:
     """Words that add something to a scene in which nothing happened: at its hour, if none is said.
 
     Such words are a scene of their own, as there is no agent that an edit could be about.
     """
     hour = None if version is None else (version["graph"].get("context") or {}).get("time_of_day")
-    if hour is None or not _ADDED.match(words) or _HOUR.search(words.lower()):
+    if hour is None or not _PATTERNS.added.match(words) or _PATTERNS.hour.search(words.lower()):
         return words
-    return f"{_ADDED.sub('', words).rstrip('.! ')}, at {str(hour)[:5]}"
+    return f"{_PATTERNS.added.sub('', words).rstrip('.! ')}, at {str(hour)[:5]}"
 
 
 def _run_apart(make: Callable[[], EditResult], time_limit: float) -> EditResult:
@@ -751,11 +738,8 @@ def _handle_command(state: ThreadState, turn: TurnKind, context: SessionContext)
         case "question":
             return {"reply": _answer_question(state, turn, context)}
         case "talk":
-            reason = (
-                WORDS["session"]["begin"]
-                if state.get("current") is None
-                else WORDS["session"]["say_more"]
-            )
+            begun = state.get("current") is not None
+            reason = WORDS["session"]["say_more"] if begun else WORDS["session"]["begin"]
             return {"reply": {"kind": "nothing", "reason": reason}}
     named = {"name": turn.name} if turn.name else {}
     return {"reply": {"kind": "wish", "wish": turn.kind, **named}}
@@ -778,7 +762,7 @@ def _answer_question(state: ThreadState, turn: TurnKind, context: SessionContext
         return {"kind": "answer", "lines": list_formats()}
     if version is None:
         return {"kind": "nothing", "reason": WORDS["session"]["nothing_yet"]}
-    if turn.topic in ("q_changed", "q_version") or _ABOUT_VERSION.search(words.lower()):
+    if turn.topic in ("q_changed", "q_version") or _PATTERNS.about_version.search(words.lower()):
         return {"kind": "answer", "lines": _describe_version(state, version, words, context)}
     record, proof = _load_scene(version, context)
     place = load_map(record.meta.intersection)

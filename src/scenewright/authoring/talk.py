@@ -6,17 +6,22 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenewright.backends.offline import ORDINALS, WORDS, Named, compile_words, fill_in, find_named
+from scenewright.backends.offline import (
+    ORDINALS,
+    WORDS,
+    Named,
+    Patterns,
+    fill_in,
+    find_named,
+)
 from scenewright.scene.edits import AgentView, CallAgent, Situation
 from scenewright.scene.events import Event
 from scenewright.scene.phrasing import name_kind
 from scenewright.scene.route_table import WAY_FIELDS
 from scenewright.scene.social import AgentNode, RelationEdge
 
-_FILLER = compile_words("talk.filler")
-_WORD = compile_words("talk.word")
-_PRONOUN = compile_words("talk.pronoun")
-_EVERYBODY = compile_words("talk.everybody")
+_PATTERNS = Patterns("talk")
+
 _NAMED_ONE = re.compile(WORDS["talk"]["named_one"])
 _NAMES = re.compile(fill_in(WORDS["talk"]["names"]), re.IGNORECASE)
 
@@ -24,7 +29,7 @@ _NAMES = re.compile(fill_in(WORDS["talk"]["names"]), re.IGNORECASE)
 def simplify(words: str) -> str:
     """The words in lower case, without fillers before and after them."""
     plain = " ".join(words.lower().replace("’", "'").split()).rstrip(" .!?")
-    while (bare := _FILLER.sub("", plain).strip(" ,.!")) != plain and bare:
+    while (bare := _PATTERNS.filler.sub("", plain).strip(" ,.!")) != plain and bare:
         plain = bare
     return plain
 
@@ -48,12 +53,6 @@ class Talk:
         place = {name: n for n, name in enumerate(self.touched)}
         return sorted(self.situation.graph.agents, key=lambda a: place.get(a.id, len(place)))
 
-    def count_others(self) -> dict[str, int]:
-        """How many there are besides the agents of the instruction."""
-        others = [each for each in self.situation.present if each.role == "background"]
-        walking = sum(each.type == "pedestrian" for each in others)
-        return {"vehicles": len(others) - walking, "pedestrians": walking}
-
     def list_edges(self, *kinds: str) -> list[RelationEdge]:
         """The relations of these kinds; of all kinds if none is named."""
         return [e for e in self.situation.graph.relations if not kinds or e.type in kinds]
@@ -72,9 +71,11 @@ class Talk:
 
     def find_agents(self, plain: str) -> list[AgentNode]:
         """The agents of the instruction that words in lower case name, in their order."""
-        if _EVERYBODY.search(plain):
+        if _PATTERNS.everybody.search(plain):
             return list(self.situation.graph.agents)
-        spoken = [(found.start(), self._find_word(found[0])) for found in _WORD.finditer(plain)]
+        spoken = [
+            (found.start(), self._find_word(found[0])) for found in _PATTERNS.word.finditer(plain)
+        ]
         spoken += [(each.start, self.find_noun(each)) for each in find_named(plain)]
         nodes = [node for _, node in sorted(spoken, key=lambda each: each[0]) if node is not None]
         return list({node.id: node for node in nodes}.values())
@@ -118,7 +119,7 @@ class Talk:
 
     def name_plainly(self, words: str) -> str:
         """The words with nouns, or ids, in place of "Anna", "the old man" and "one of the kids"."""
-        front = [each for each in self.situation.present if each.role == "foreground"]
+        front = self.situation.foreground
         for each in front:
             own = each.called.removeprefix("the ")
             if own == each.called and not own[:1].isupper():
@@ -138,7 +139,9 @@ class Talk:
     def find_unknown_name(self, words: str) -> str | None:
         """A name that no agent has, after its known ones were replaced: "let Otto walk faster"."""
         found = _NAMED_ONE.search(words)
-        known = found is None or find_named(found[1].lower()) or _WORD.search(found[1].lower())
+        known = (
+            found is None or find_named(found[1].lower()) or _PATTERNS.word.search(found[1].lower())
+        )
         return None if found is None or known else found[1]
 
     def name_spoken(self, words: str) -> str:
@@ -149,7 +152,7 @@ class Talk:
             known = node is not None and (found["who"].lower() != "it" or node.id in self.touched)
             return f"{found['verb']}{node.id}" if node is not None and known else found[0]
 
-        return _PRONOUN.sub(name, words)
+        return _PATTERNS.pronoun.sub(name, words)
 
     def _list_alike(self, named: Named) -> list[AgentNode]:
         """The agents that a noun may mean: "the car" is any vehicle where none is called so."""

@@ -38,6 +38,16 @@ class Version(TypedDict):
     let_go: list[str]
 
 
+def list_lineage(state: ThreadState) -> list[Version]:
+    """The current version, the one that it was made from, and so on, back to the first."""
+    versions = {version["number"]: version for version in state.get("versions", [])}
+    lineage, number = list[Version](), state.get("current")
+    while number is not None:
+        lineage.append(versions[number])
+        number = versions[number]["parent"]
+    return lineage
+
+
 class PendingChoice(TypedDict):
     """A question that was asked back, and the words that it is about."""
 

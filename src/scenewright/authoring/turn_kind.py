@@ -9,8 +9,10 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from scenewright.backends.offline import WORDS, compile_words, fill_in
+from scenewright.backends.offline import WORDS, Patterns, fill_in
 from scenewright.scene.base import Model
+
+_PATTERNS = Patterns("turn_kind")
 
 Kind = Literal[
     "question", "undo", "redo", "version", "restart", "show", "why", "help", "quit", "play", "gif",
@@ -18,10 +20,6 @@ Kind = Literal[
 ]  # fmt: skip
 
 _NUMBERS: dict[str, int] = WORDS["turn_kind"]["numbers"]
-_POLITE = compile_words("turn_kind.polite")
-_AFTER = compile_words("turn_kind.after")
-_ASKS_TO_ACT = compile_words("turn_kind.asks_to_act")
-_QUESTION = compile_words("turn_kind.question")
 _SIMPLE: list[tuple[Kind, re.Pattern[str]]] = [
     (kind, re.compile(rf"^(?:{fill_in(pattern)})[ .!?]*$"))
     for kind, pattern in WORDS["turn_kind"]["simple"]
@@ -55,12 +53,9 @@ def spell_fully(words: str) -> str:
     return _SHORT_WORD.sub(lambda found: _SHORT[found[0]], words)
 
 
-_NAMED = compile_words("turn_kind.named")
-
-
 def read_name(words: str) -> str | None:
     """Under which name the words ask to save; None where they name none."""
-    found = _NAMED.search(words)
+    found = _PATTERNS.named.search(words)
     name = found and (found["quoted"] or found["bare"])
     return re.sub(r"[^\w.-]+", "_", name.strip()).strip("._") or None if name else None
 
@@ -69,16 +64,18 @@ def classify_turn(words: str) -> TurnKind:
     """The kind of the words, by their form."""
     whole = " ".join(words.lower().replace("’", "'").split())
     plain = whole
-    while (bare := _POLITE.sub("", _AFTER.sub("", plain), count=1)) != plain and bare:
+    while (
+        bare := _PATTERNS.polite.sub("", _PATTERNS.after.sub("", plain), count=1)
+    ) != plain and bare:
         plain = bare
     for candidate in (whole, plain):
         for kind, pattern in _SIMPLE:
             found = pattern.match(candidate)
             if found is not None:
                 return _describe(kind, words, found)
-    if _ASKS_TO_ACT.match(plain):
+    if _PATTERNS.asks_to_act.match(plain):
         return TurnKind(kind="words", words=_drop_frame(words))
-    if _QUESTION.match(plain) or re.match(r"the [a-z-]+ ?\?$", plain):
+    if _PATTERNS.question.match(plain) or re.match(r"the [a-z-]+ ?\?$", plain):
         return TurnKind(kind="question", words=words)
     return TurnKind(kind="words", words=_drop_frame(words))
 
@@ -94,10 +91,9 @@ def _describe(kind: Kind, words: str, found: re.Match[str]) -> TurnKind:
 
 
 _FRAME = re.compile(WORDS["turn_kind"]["frame"], re.IGNORECASE)
-_SUPPOSE = re.compile(r"^\s*what if (it|the [a-z]+) (?:were|was|is|became) ", re.IGNORECASE)
 
 
 def _drop_frame(words: str) -> str:
     """ "Show me a car that yields" and "can you make the car faster?" without their frames."""
-    bare = _FRAME.sub("", _SUPPOSE.sub(r"make \1 ", words), count=1)
+    bare = _FRAME.sub("", _PATTERNS.suppose.sub(r"make \1 ", words), count=1)
     return bare.rstrip(" ?") if bare != words else words

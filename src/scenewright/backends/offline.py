@@ -11,7 +11,7 @@ from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.words import (
     VOCABULARY,
     WORDS,
-    compile_words,
+    Patterns,
     fill_in,
     time_words_in,
 )
@@ -25,10 +25,10 @@ __all__ = [
     "VOCABULARY",
     "WORDS",
     "Named",
+    "Patterns",
     "begins_anew",
     "build_clarification",
     "build_site",
-    "compile_words",
     "fill_in",
     "find_named",
     "plan",

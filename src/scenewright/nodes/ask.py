@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
 
 from scenewright.backends import Backend, Question, get_backend_of_task
 from scenewright.errors import Rejected
+from scenewright.scene.base import describe_fault
 from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
 from scenewright.time_limit import stop_clock
 
 ReplyT = TypeVar("ReplyT", bound=BaseModel)
-
-_LONGEST_QUOTE = 60
 
 
 def ask(
@@ -39,7 +37,7 @@ def ask(
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "reply"
-        detail = f"{where}: {_describe_fault(first)}"
+        detail = f"{where}: {describe_fault(first)}"
         rejection = Rejection(stage=stage, code="malformed_reply", detail=detail)
         raise Rejected(_prefix_detail(rejection, of)) from error
     except Rejected as error:
@@ -67,21 +65,3 @@ def list_latest_rejections(rejections: list[Rejection], *stages: Stage) -> tuple
             break
         found.insert(0, each)
     return tuple(found)
-
-
-def _describe_fault(error: ErrorDetails) -> str:
-    """What is wrong with a value, and the value, as feedback for its writer."""
-    match error["type"]:
-        case "extra_forbidden":
-            return "there is no such key; leave it out"
-        case "missing":
-            return "is missing"
-        case "value_error":
-            return str(error["ctx"]["error"])
-        case _:
-            return f"{error['msg']}, got {_quote(error['input'])}"
-
-
-def _quote(value: Any) -> str:
-    words = repr(value)
-    return words if len(words) <= _LONGEST_QUOTE else f"{words[:_LONGEST_QUOTE]}..."

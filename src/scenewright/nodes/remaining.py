@@ -50,27 +50,28 @@ def is_last_answer(
     )
 
 
-def refuse_numbers(
-    served: Sequence[int],
-    count: int,
-    *,
-    stage: Literal["waypoint_filter", "event_reasoner"],
-) -> None:
-    """Every one of the words has a place in the reply, and no others do.
+def list_unserved(
+    served: Sequence[int], cannot: Sequence[int], entries: Sequence[int], *, stage: Stage, note: str
+) -> tuple[Unserved, ...]:
+    """The words that a reply does not serve, each of which must stand under `cannot`.
+
+    Args:
+        served, cannot: numbers of words, from 1; entries: theirs in the account.
+        note: why they are not served.
 
     Raises:
-        Rejected: `malformed_reply`, naming the numbers.
+        Rejected: `malformed_reply`, naming numbers that are missing or that no words have.
     """
-    missing = sorted(set(range(1, count + 1)) - set(served))
-    unknown = sorted(set(served) - set(range(1, count + 1)))
-    if unknown:
-        detail = f"words {unknown[0]}: they are numbered from 1 to {count}"
-    elif missing:
+    asked, said = set(range(1, len(entries) + 1)), {*served, *cannot}
+    if unknown := sorted(said - asked):
+        detail = f"words {unknown[0]}: they are numbered from 1 to {len(entries)}"
+        raise Rejected(Rejection(stage=stage, code="malformed_reply", detail=detail))
+    if missing := sorted(asked - said):
         numbers = ", ".join(map(str, missing))
         detail = f"nothing is said of words {numbers}; serve them, or list them under 'cannot'"
-    else:
-        return
-    raise Rejected(Rejection(stage=stage, code="malformed_reply", detail=detail))
+        raise Rejected(Rejection(stage=stage, code="malformed_reply", detail=detail))
+    unserved = dict.fromkeys(number for number in cannot if number not in served)
+    return tuple(Unserved(entry=entries[number - 1], note=note) for number in unserved)
 
 
 def leave_all(left: Sequence[Left], note: str) -> tuple[Unserved, ...]:

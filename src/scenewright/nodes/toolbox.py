@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 from langgraph.runtime import Runtime
 from pydantic import Field, ValidationError, create_model
 
-from scenewright.errors import Rejected
+from scenewright.errors import Rejected, describe_misfit
 from scenewright.memory.state import SceneState
 from scenewright.nodes.agent_generator import generate_agents
 from scenewright.nodes.context import RunContext
@@ -265,7 +265,5 @@ def _format_validation_error(error: ValidationError | Any) -> str:
     """Arguments that do not fit: the first fault, and where it is."""
     detail = str(error)[:300]
     if isinstance(error, ValidationError):
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"]) or "arguments"
-        detail = f"{where}: {first['msg']}"
+        detail = describe_misfit(error, "arguments")
     return json.dumps({"ok": False, "code": "malformed_reply", "detail": detail})

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import ErrorDetails
 
 FloatArray = NDArray[np.float64]
 
@@ -58,6 +59,50 @@ class FieldErrors(ValueError):
     def __init__(self, faults: Iterable[FieldError]) -> None:
         self.faults = tuple(faults)
         super().__init__("; ".join(map(str, self.faults)))
+
+
+def find_model(annotation: Any) -> type[Model] | None:
+    """The model in a type such as `tuple[AgentNode, ...]`; None where there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, Model):
+        return annotation
+    return next(filter(None, map(find_model, get_args(annotation))), None)
+
+
+def find_model_at(path: Iterable[str | int], model: type[Model]) -> type[Model]:
+    """The model of what stands at a path below a model; numbers are places in lists."""
+    for step in path:
+        if isinstance(step, str):
+            info = next(i for n, i in model.model_fields.items() if step in (n, i.alias))
+            model = find_model(info.annotation) or model
+    return model
+
+
+def list_fields(model: type[Model]) -> list[str]:
+    """The fields of a model by the names that files use."""
+    return [info.alias or name for name, info in model.model_fields.items()]
+
+
+_LONGEST_QUOTE = 60
+"""Characters of a value that a refusal quotes."""
+
+
+def quote_value(value: object) -> str:
+    """A value as a refusal quotes it, cut where it is too long."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}..."
+
+
+def describe_fault(fault: ErrorDetails) -> str:
+    """What is wrong with a value of a model, and the value, as feedback for its writer."""
+    match fault["type"]:
+        case "extra_forbidden":
+            return "there is no such key; leave it out"
+        case "missing":
+            return "is missing"
+        case "value_error":
+            return str(fault["ctx"]["error"])
+        case _:
+            return f"{fault['msg']}, got {quote_value(fault['input'])}"
 
 
 def frozen(array: FloatArray) -> FloatArray:

@@ -6,18 +6,17 @@ import tomllib
 from collections.abc import Callable, Iterable
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from scenewright.errors import InputError
-from scenewright.scene.base import Model
+from scenewright.scene.base import Model, describe_fault, find_model_at, list_fields
 
 _ModelT = TypeVar("_ModelT", bound=Model)
 _MOST_BYTES = 32_000
 _MOST_FILES = 500
-_LONGEST_QUOTE = 60
 
 
 def list_files(folder: Path) -> list[Traversable]:
@@ -83,24 +82,8 @@ def build_refusal(file: str, noun: str, why: str) -> InputError:
 def _describe_fault(error: ErrorDetails, model: type[Model]) -> str:
     """The field, what was expected there, and what stands there."""
     field = ".".join(str(part) for part in error["loc"])
-    where = f"{field}: " if field else ""
-    match error["type"]:
-        case "missing":
-            return f"{where}is missing"
-        case "extra_forbidden":
-            return f"{where}no such field; there are {', '.join(_list_fields(error, model))}"
-        case "value_error":
-            return f"{where}{error['ctx']['error']}"
-        case _:
-            text = repr(error["input"])
-            text = text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}..."
-            return f"{where}{error['msg']}, got {text}"
-
-
-def _list_fields(error: ErrorDetails, model: type[Model]) -> list[str]:
-    """The fields of the table in which the fault is, by the names that files use."""
-    for part in error["loc"][:-1]:
-        info = next(i for name, i in model.model_fields.items() if part in (name, i.alias))
-        kinds = (info.annotation, *get_args(info.annotation))
-        model = next(each for each in kinds if isinstance(each, type) and issubclass(each, Model))
-    return sorted(info.alias or name for name, info in model.model_fields.items())
+    what = describe_fault(error)
+    if error["type"] == "extra_forbidden":
+        known = sorted(list_fields(find_model_at(error["loc"][:-1], model)))
+        what = f"no such field; there are {', '.join(known)}"
+    return f"{field}: {what}" if field else what

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import count
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from scenewright.errors import Rejected
+from scenewright.errors import Rejected, describe_misfit
 from scenewright.scene.account import NAME, SaidSpan, read_background
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
 from scenewright.scene.measures import Measure, format_measure
@@ -56,6 +57,26 @@ class Situation(Model):
 
     graph: SocialGraph
     present: tuple[AgentView, ...]
+
+    @property
+    def foreground(self) -> list[AgentView]:
+        """The agents of the social graph, as they are in the scene."""
+        return [agent for agent in self.present if agent.role == "foreground"]
+
+    @property
+    def background(self) -> list[AgentView]:
+        """The agents besides those."""
+        return [agent for agent in self.present if agent.role == "background"]
+
+    def count_background(self) -> dict[str, int]:
+        """How many vehicles and pedestrians the background has, by class."""
+        types = [agent.type for agent in self.background]
+        return {kind: types.count(kind) for kind in ("vehicle", "pedestrian")}
+
+    def generate_ids(self, kind: str) -> Iterator[str]:
+        """The ids of a class that no agent has, in order."""
+        taken = {agent.id for agent in self.present} | {node.id for node in self.graph.agents}
+        return (name for n in count(1) if (name := f"{kind}-{n}") not in taken)
 
 
 class ChangeAgent(Model):
@@ -244,10 +265,8 @@ def apply_edits(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
             edited = _drop_idle_hiding(_apply_edit(graph, edit))
             graph = SocialGraph.model_validate(edited.model_dump(by_alias=True))
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        words = str(first["msg"]).removeprefix("Value error, ")
-        raise _build_refusal(f"{where}: {words}" if where else words) from error
+        words = describe_misfit(error).replace("Value error, ", "", 1)
+        raise _build_refusal(words) from error
     return graph.model_copy(update={"said": tuple(e for e in graph.said if still_holds(e, graph))})
 
 
@@ -266,16 +285,16 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
         case "runs_red":
             return all(agent.runs_red for agent in named)
         case "relation" | "tie":
-            known = [(edge.type, {edge.from_, edge.to}) for edge in graph.relations]
-            ties = [(tie.side, {tie.agent, tie.of}) for tie in graph.ties]
-            return (entry.value, set(entry.agents)) in [*known, *ties]
+            known = {(str(edge.type), edge.pair) for edge in graph.relations}
+            ties = {(str(tie.side), tie.pair) for tie in graph.ties}
+            return (entry.value, frozenset(entry.agents)) in known | ties
         case "order" | "striker":
-            edges = [e for e in graph.relations if {e.from_, e.to} == set(entry.agents)]
+            edges = [e for e in graph.relations if e.pair == set(entry.agents)]
             leads = (e.get_first() if entry.became == "order" else e.strikes for e in edges)
             return entry.agents[0] in leads
         case "manoeuvre":
             return any(
-                edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)
+                edge.manoeuvre == entry.value and edge.pair.issuperset(entry.agents)
                 for edge in graph.relations
             )
         case "time_of_day" | "density":
@@ -312,22 +331,21 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
             # One of the background is in no graph.
             left = {
                 "agents": tuple(each for each in graph.agents if each.id != name),
-                "relations": tuple(e for e in graph.relations if name not in (e.from_, e.to)),
-                "ties": tuple(each for each in graph.ties if name not in (each.agent, each.of)),
+                "relations": tuple(e for e in graph.relations if name not in e.pair),
+                "ties": tuple(tie for tie in graph.ties if name not in tie.pair),
                 "measures": tuple(m for m in graph.measures if name not in (m.agent, m.other)),
             }
             return graph.model_copy(update=left)
         case Relate(edge=edge):
-            pair = {edge.from_, edge.to}
-            kept = [each for each in graph.relations if {each.from_, each.to} != pair]
-            at = next((i for i, e in enumerate(graph.relations) if {e.from_, e.to} == pair), None)
-            kept.insert(len(kept) if at is None else min(at, len(kept)), edge)
-            same = any({e.from_, e.to} == pair and e.type == edge.type for e in graph.relations)
-            measures = graph.measures if same else _drop_measures(graph, pair)
+            kept = [each for each in graph.relations if each.pair != edge.pair]
+            earlier = [at for at, e in enumerate(graph.relations) if e.pair == edge.pair]
+            kept.insert(earlier[0] if earlier else len(kept), edge)
+            same = any(graph.relations[at].type == edge.type for at in earlier)
+            measures = graph.measures if same else _drop_measures(graph, edge.pair)
             return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
         case Unrelate(first=first, second=second):
-            kept = [each for each in graph.relations if {each.from_, each.to} != {first, second}]
-            measures = _drop_measures(graph, {first, second})
+            kept = [edge for edge in graph.relations if edge.pair != {first, second}]
+            measures = _drop_measures(graph, frozenset((first, second)))
             return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
         case SetMeasure(measure=measure):
             about = (measure.kind, measure.agent, measure.other)
@@ -364,7 +382,7 @@ def _drop_idle_hiding(graph: SocialGraph) -> SocialGraph:
     """The graph in which nothing hides an agent from another that it has no relation with, and
     no agent meets an object that is not there."""
     there = {agent.id for agent in graph.agents}
-    bound = {frozenset((edge.from_, edge.to)) for edge in graph.relations}
+    bound = {edge.pair for edge in graph.relations}
     free = {"hides": None, "hidden_from": None, "lead": None}
     objects = tuple(
         each
@@ -376,7 +394,7 @@ def _drop_idle_hiding(graph: SocialGraph) -> SocialGraph:
     return graph.model_copy(update={"objects": objects})
 
 
-def _drop_measures(graph: SocialGraph, pair: set[str]) -> tuple[Measure, ...]:
+def _drop_measures(graph: SocialGraph, pair: frozenset[str]) -> tuple[Measure, ...]:
     """The figures asked for, but for those of what happens between two agents."""
     return tuple(each for each in graph.measures if {each.agent, each.other} != pair)
 
@@ -398,19 +416,15 @@ def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     found: list[Edit] = [RemoveAgent(agent=name) for name in old if name not in new]
     found += [ChangeAgent(node=n) for name, n in new.items() if name in old and n != old[name]]
     found += [AddAgent(node=node) for name, node in new.items() if name not in old]
-    pairs = {frozenset((each.from_, each.to)): each for each in before.relations}
-    now_bound = {frozenset((each.from_, each.to)) for each in after.relations}
+    pairs = {edge.pair: edge for edge in before.relations}
+    now_bound = {edge.pair for edge in after.relations}
     found += [
         Unrelate(first=edge.from_, second=edge.to)
         for pair, edge in pairs.items()
         if pair not in now_bound and pair <= new.keys()
     ]
-    found += [
-        Relate(edge=edge)
-        for edge in after.relations
-        if pairs.get(frozenset((edge.from_, edge.to))) != edge
-    ]
-    if tuple(each for each in before.ties if {each.agent, each.of} <= set(new)) != after.ties:
+    found += [Relate(edge=edge) for edge in after.relations if pairs.get(edge.pair) != edge]
+    if tuple(tie for tie in before.ties if tie.pair <= new.keys()) != after.ties:
         found.append(Tie(ties=after.ties))
     found += [RemoveObject(object=o.id) for o in before.objects if o not in after.objects]
     found += [AddObject(node=o) for o in after.objects if o not in before.objects]

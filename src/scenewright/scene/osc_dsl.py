@@ -100,7 +100,7 @@ def _declare_entries(data: Mapping[str, Any]) -> Iterator[tuple[Path_, str, str]
     for section in ("agents", *_STRUCTS):
         for n, entry in enumerate(data.get(section, ())):
             type_ = section[:-1]
-            own = _write_name(entry.get("id", f"{type_}_{n + 1}"))
+            own = entry.get("id", f"{type_}_{n + 1}").replace("-", "_")
             if section == "agents":
                 type_ = ACTORS[entry["id"].partition("-")[0]]
             elif section == "measures":
@@ -190,10 +190,6 @@ def _escape(name: str) -> str:
     return f"{name}_" if name in _KEYWORDS else name
 
 
-def _write_name(own: str) -> str:
-    return own.replace("-", "_")
-
-
 def _list_leaves(data: Any, path: Path_) -> Iterator[tuple[Path_, Any]]:
     for key, value in data.items() if isinstance(data, Mapping) else enumerate(data):
         first = next(iter(value), None) if isinstance(value, list) else value
@@ -213,7 +209,7 @@ def _write(value: Any, unit: str | None) -> str:
     if isinstance(value, int | float):
         return repr(value) if unit is None else f"{float(value)!r}{_PHYSICAL[unit][1]}"
     if re.fullmatch(rf"{_ACTOR}-\d+", value):
-        return _write_name(value)
+        return str(value.replace("-", "_"))
     return _escape(value) if re.fullmatch(r"[a-z]\w*", value, re.ASCII) else json.dumps(value)
 
 

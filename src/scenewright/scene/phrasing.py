@@ -152,7 +152,7 @@ def _describe_relation(
         words += f" with a TTC of {edge.target_ttc:.3g} s"
     if edge.impact_speed is not None:
         words += f" at an impact speed of {edge.impact_speed * _KMH:.3g} km/h"
-    runs = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
+    runs = any(graph.agent(name).runs_red for name in edge.pair)
     if has_trait("cause", edge.cause, "late"):
         words += f" because {names[edge.braker] if edge.braker else 'one of them'} brakes late"
     elif has_trait("cause", edge.cause, "red_light") and not runs:
@@ -161,8 +161,7 @@ def _describe_relation(
         words += f", and {names[edge.first]} passes first"
     yield words
     if edge.strikes is not None:
-        struck = edge.to if edge.strikes == edge.from_ else edge.from_
-        yield f"{names[edge.strikes]} strikes {names[struck]}"
+        yield f"{names[edge.strikes]} strikes {names[edge.get_other(edge.strikes)]}"
 
 
 def _name_point(point: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from itertools import islice, product
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import yaml
 from pydantic import ValidationError
@@ -18,7 +18,15 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from scenewright.errors import InputError
-from scenewright.scene.base import FieldError, FieldErrors, Model
+from scenewright.scene.base import (
+    FieldError,
+    FieldErrors,
+    Model,
+    find_model,
+    find_model_at,
+    list_fields,
+    quote_value,
+)
 from scenewright.scene.kinds import list_values
 from scenewright.scene.leg_predicates import LEG_FIELDS, check_predicate, find_legs, is_predicate
 from scenewright.scene.map import IntersectionMap
@@ -217,7 +225,8 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
     places, written = data.pop("intersections", None), data.pop("constraints", None) or []
     if isinstance(places, str):
         places = [places]
-    if not (places is None or (isinstance(places, list) and all(map(_is_name, places)))):
+    named = isinstance(places, list) and all(isinstance(each, str) and each for each in places)
+    if places is not None and not named:
         faults["intersections",] = "any, the name of an intersection, or a list of names"
         places = None
     if not isinstance(written, list):
@@ -270,10 +279,6 @@ def _check_choices(plan: LogicalPlan, known: Set[Path_]) -> dict[Path_, str]:
             if key == at or not {key, (*key[:2], "value")} & plan.spreads.keys():
                 found.setdefault(key, what)
     return found
-
-
-def _is_name(value: object) -> bool:
-    return isinstance(value, str) and bool(value)
 
 
 def read_plan(source: str | Path | Mapping[str, Any]) -> PlanFile:
@@ -640,26 +645,15 @@ _EXAMPLES = {"id": "vehicle-1, pedestrian-1 or object-1", "beyond": "object-1"}
 def _quote(value: Any) -> str:
     if value is None or isinstance(value, dict | list | tuple):
         return "nothing" if value is None else "a list or mapping"
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:60]}..."
+    return quote_value(value)
 
 
 def _list_fields_at(path: Path_, model: type[Model]) -> list[str]:
     """The fields of what stands at a path of a model."""
-    for step in path:
-        if isinstance(step, str):
-            info = next(i for n, i in model.model_fields.items() if (i.alias or n) == step)
-            model = find_model(info.annotation) or model
-    names = [info.alias or name for name, info in model.model_fields.items()]
+    model = find_model_at(path, model)
+    names = list_fields(model)
     own = ["text", *names, "intersections", "constraints"]
     return names if path or model is not SocialGraph else own
-
-
-def find_model(annotation: Any) -> type[Model] | None:
-    """The model in a type such as `tuple[AgentNode, ...]`; None where there is none."""
-    if isinstance(annotation, type) and issubclass(annotation, Model):
-        return annotation
-    return next(filter(None, map(find_model, get_args(annotation))), None)
 
 
 def compute_digest(plan: SocialGraph, text: str) -> str:
@@ -771,17 +765,18 @@ def build_plan_schema() -> dict[str, Any]:
     for model in schema["$defs"].values():
         for name, own in model.get("properties", {}).items():
             types = {each.get("type") for each in (own, *own.get("anyOf", ()))}
+            form: dict[str, Any]
             if types & {"number", "integer"} and name not in ("start", "end"):
-                kept = {key: own.pop(key) for key in ("description", "unit") if key in own}
-                model["properties"][name] = {**kept, "anyOf": [own, open_, choices]}
+                form = {"anyOf": [own, open_, choices]}
             elif name in ("lead", "figure"):
-                kept = {key: own[key] for key in ("description", "unit") if key in own}
-                ends = {"type": "array", "items": {"type": ["number", "string"]}}
-                model["properties"][name] = {**kept, **ends}
+                form = {"type": "array", "items": {"type": ["number", "string"]}}
             elif "const" not in own and "array" not in types and name not in ("id", "background"):
-                kept = {key: own.pop(key) for key in ("description",) if key in own}
                 also = [{"type": "string", "pattern": "^has "}] if name in LEG_FIELDS else []
-                model["properties"][name] = {**kept, "anyOf": [own, *also, choices]}
+                form = {"anyOf": [own, *also, choices]}
+            else:
+                continue
+            kept = {key: own.pop(key) for key in ("description", "unit") if key in own}
+            model["properties"][name] = {**kept, **form}
     schema["properties"]["intersections"] = {
         "description": "of a sweep: any, a name, or a list of names",
         "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],

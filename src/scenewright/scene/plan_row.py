@@ -6,7 +6,10 @@ from typing import Any
 
 from scenewright.scene.account import list_unrealised
 from scenewright.scene.events import EVENT_OF_RELATION
-from scenewright.scene.social import AgentNode, Plan, Refusal, SocialGraph
+from scenewright.scene.social import Plan, Refusal, SocialGraph
+
+_OF_AGENTS = {"id", "type", "subtype", "entry", "exit", "movement", "crosswalk"}
+"""Fields of an agent that rows have."""
 
 
 def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
@@ -20,49 +23,32 @@ def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
     `unrealised` lists those of them that no scene can show. A range of time is [from, to].
     `first` is there where the text says which of the two passes first.
     """
-    if isinstance(plan, Refusal):
-        row = _build_row(row_id, SocialGraph(agents=()), relations=[], reason=plan.reason)
-        return {**row, "did_you_mean": list(plan.did_you_mean)}
+    refusal = plan if isinstance(plan, Refusal) else None
+    graph = SocialGraph(agents=()) if isinstance(plan, Refusal) else plan
     relations: list[dict[str, Any]] = [
         {"type": EVENT_OF_RELATION[edge.type], "from": edge.from_, "to": edge.to}
         | ({} if edge.first is None else {"first": edge.first})
-        for edge in plan.relations
+        for edge in graph.relations
     ]
-    normal = [{"type": "normal", "from": None, "to": None}]
-    return {
-        **_build_row(row_id, plan, relations=relations or normal, reason=None),
-        "did_you_mean": [],
-    }
-
-
-def _build_row(
-    row_id: str, plan: SocialGraph, *, relations: list[dict[str, Any]], reason: str | None
-) -> dict[str, Any]:
+    if not relations and refusal is None:
+        relations = [{"type": "normal", "from": None, "to": None}]
     # The context; numbers of the background also under the plural keys that rows once had.
-    time, counts = plan.context.time_of_day, plan.context.background
+    time, counts = graph.context.time_of_day, graph.context.background
     span = time.split("-") if time is not None and "-" in time else time
     numbers = None
     if counts is not None:
         cars, people = counts.vehicles, counts.pedestrians
         numbers = {"vehicle": cars, "pedestrian": people, "vehicles": cars, "pedestrians": people}
+    objects = [each.model_dump(mode="json") for each in graph.objects]
     return {
         "id": row_id,
-        "agents": [_build_agent(agent) for agent in plan.agents],
+        "agents": [agent.model_dump(mode="json", include=_OF_AGENTS) for agent in graph.agents],
         "relations": relations,
-        "context": {"density": plan.context.density, "time_of_day": span, "background": numbers},
-        "refused": reason is not None,
-        "reason": reason,
-        "said": [each.model_dump(mode="json") for each in plan.said],
-        "unrealised": list(list_unrealised(plan.said)),
-        **(
-            {"objects": [each.model_dump(mode="json") for each in plan.objects]}
-            if plan.objects
-            else {}
-        ),
+        "context": {"density": graph.context.density, "time_of_day": span, "background": numbers},
+        "refused": refusal is not None,
+        "reason": None if refusal is None else refusal.reason,
+        "said": [each.model_dump(mode="json") for each in graph.said],
+        "unrealised": list(list_unrealised(graph.said)),
+        **({"objects": objects} if objects else {}),
+        "did_you_mean": [] if refusal is None else list(refusal.did_you_mean),
     }
-
-
-def _build_agent(agent: AgentNode) -> dict[str, Any]:
-    return agent.model_dump(
-        mode="json", include={"id", "type", "subtype", "entry", "exit", "movement", "crosswalk"}
-    )

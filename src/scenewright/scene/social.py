@@ -161,6 +161,15 @@ class RelationEdge(Model):
         return self
 
     @property
+    def pair(self) -> frozenset[str]:
+        """The two agents, unordered."""
+        return frozenset((self.from_, self.to))
+
+    def get_other(self, name: str) -> str:
+        """The other one of the two."""
+        return self.to if name == self.from_ else self.from_
+
+    @property
     def brakes(self) -> bool:
         """Whether one of the two of a near miss brakes hard, and so lets the other pass first."""
         return self.target_ttc is not None or has_trait("cause", self.cause, "late")
@@ -187,6 +196,11 @@ class EntryTie(Model):
     agent: _VehicleId
     of: _VehicleId = Field(description="agent from whose entry the side is seen")
     side: EntrySide
+
+    @property
+    def pair(self) -> frozenset[str]:
+        """The two agents, unordered."""
+        return frozenset((self.agent, self.of))
 
     @model_validator(mode="after")
     def _check_two_agents(self) -> Self:
@@ -437,7 +451,7 @@ class SocialGraph(Model):
 
     def _check_objects(self) -> Iterator[FieldError]:
         yield from _check_unique([each.id for each in self.objects], "objects")
-        bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
+        bound = {edge.pair for edge in self.relations}
         hiding = {each.id for each in self.objects if each.hides is not None}
         for n, each in enumerate(self.objects):
             at, hides = ("objects", n), each.hides
@@ -491,7 +505,7 @@ class SocialGraph(Model):
             for n, own in enumerate(self.objects)
             for k, each in enumerate(own.list_meetings())
         ]
-        busy = {name for edge in self.relations for name in (edge.from_, edge.to)}
+        busy = {name for edge in self.relations for name in edge.pair}
         ids = {agent.id for agent in self.agents}
         for at, own, each in met:
             if each.agent not in ids:

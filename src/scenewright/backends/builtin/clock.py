@@ -6,7 +6,9 @@ import re
 from collections.abc import Callable
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.reader.words import VOCABULARY, compile_words
+from scenewright.backends.builtin.reader.words import VOCABULARY, Patterns
+
+_PATTERNS = Patterns("clock")
 
 _DAY = 24 * 60
 _HOUR_WORDS = "one two three four five six seven eight nine ten eleven twelve"
@@ -41,10 +43,6 @@ _HALF_PAST = re.compile(
     r"\b(a quarter|quarter|half|five|ten|twenty five|twenty|5|10|15|20|25)(?: minutes?)?"
     rf"(?: past| after|(?<=half)) ({_NUMBER})\b{_COUNTED}"
 )
-_MIDNIGHT = re.compile(r"\b(past|after|to|before) midnight\b")
-_UNDIVIDED = re.compile(r"\b(0?[1-9]|1[0-2])([0-5]\d)\s*([ap]m)\b")
-_OFF_CLOCK = re.compile(r"\b(?:[3-9]\d|2[4-9]):\d\d\b|\b\d{1,2}:[6-9]\d\b")
-_YEAR = re.compile(r"\b(?:a|an|the|in|of|his|her|their|my|model)\s+$")
 _MILITARY = re.compile(
     r"(?:\bat\s+)?\b([01]\d|2[0-3])([0-5]\d)\s*(?:hours|hrs|hr|h)?\b(?!\s*(?:m|km|kg|lb|lbs|n|cc|rpm|t)\b)"
 )
@@ -58,13 +56,11 @@ _PLAIN = re.compile(
     rf"|({_NUMBER})(?:[.: ]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?"
     rf"{_SUFFIX}(?!\w))"
 )
-_PRONOUN = compile_words("clock.pronoun", re.NOFLAG)
-_BARE = compile_words("clock.bare", re.NOFLAG)
 
 
 def read_clock(text: str) -> str | None:
     """The time in the text as HH:MM or HH:MM-HH:MM; Refused where two clock times differ."""
-    text = _UNDIVIDED.sub(r"\1:\2 \3", _MIDNIGHT.sub(r"\1 12 at night", text))
+    text = _PATTERNS.undivided.sub(r"\1:\2 \3", _PATTERNS.midnight.sub(r"\1 12 at night", text))
     text = _HALF_PAST.sub(_write_in_digits, re.sub(r"(?<=\d)ish\b", "", text))
     times: list[str] = []
     for pattern, read in _FORMS:
@@ -76,7 +72,7 @@ def read_clock(text: str) -> str | None:
                 continue
             times.append(time)
             text, at = f"{text[: match.start()]} {text[match.end() :]}", match.start()
-    if impossible := _OFF_CLOCK.search(text):
+    if impossible := _PATTERNS.off_clock.search(text):
         raise Refused("impossible", f"{impossible[0]} is no time of day; use 00:00 to 23:59.")
     if len(set(times)) > 1:
         raise Refused(
@@ -113,7 +109,7 @@ def read_time_words(words: list[str], *, clock: str | None) -> str | None:
 def is_pronoun(text: str, start: int) -> bool:
     """Whether a number at this place stands for a scene, not an hour: "make one in the evening"."""
     low = text.lower()
-    return low.startswith("one ", start) and _PRONOUN.search(low[:start]) is not None
+    return low.startswith("one ", start) and _PATTERNS.pronoun.search(low[:start]) is not None
 
 
 def _rewrite_range(match: re.Match[str]) -> str | None:
@@ -165,7 +161,7 @@ def _rewrite_plain(match: re.Match[str]) -> str | None:
 
 
 def _rewrite_military(match: re.Match[str]) -> str | None:
-    year = match[1] in {"19", "20"} and _YEAR.search(match.string[: match.start()])
+    year = match[1] in {"19", "20"} and _PATTERNS.year.search(match.string[: match.start()])
     odd = not match[1].startswith("0") and int(match[2]) % 5
     is_number = match[0].strip().isdigit() and (year or odd)
     return None if is_number else f"{match[1]}:{match[2]}"
@@ -196,7 +192,7 @@ def _compute_minute(
 _FORMS: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str | None]], ...] = (
     (_TO, _rewrite_to), (_RANGE, _rewrite_range), (_PAST, _rewrite_past), (_PLAIN, _rewrite_plain),
     (_MILITARY, _rewrite_military), (_HOUR, lambda m: f"{int(m[1] or m[2]):02d}:{m[3] or '00'}"),
-    (_BARE, _rewrite_bare),
+    (_PATTERNS.bare, _rewrite_bare),
 )  # fmt: skip
 """Forms of clock times; what one of them takes is not looked at by the next."""
 

@@ -15,6 +15,7 @@ from scenewright.scene.social import (
     ImpactPoint,
     Manoeuvre,
     Motion,
+    Refusal,
     SocialGraph,
 )
 
@@ -29,6 +30,10 @@ class Refused(Exception):
         super().__init__(reason)
         self.code = code
         self.reason = reason
+
+    def to_refusal(self) -> Refusal:
+        """The refusal of the plan."""
+        return Refusal.model_validate({"code": self.code, "reason": self.reason})
 
 
 @dataclass(frozen=True)
@@ -79,11 +84,8 @@ class AgentDraft:
         relatives: (word, other agent or None): opposite, mutual, of_left, of_right, same,
             lateral, other, exit_crosswalk, entry_crosswalk.
         head: the noun it was introduced with.
-        generic: introduced by a bare plural.
-        words: plain words it was described with, such as colours.
         motion: how a pedestrian crosses, where the text says so; members: of a group on foot.
         reaction: how it reacts to a threat, where the text says so.
-        role: leader or follower, where the text calls it so.
         marked: its crosswalk was called a crosswalk, not just a leg.
     """
 
@@ -94,15 +96,11 @@ class AgentDraft:
     movement: str | None = None
     crosswalk: str | None = None
     runs_red: bool = False
-    label: str | None = None
     head: str = ""
     relatives: list[tuple[str, AgentDraft | None]] = field(default_factory=list)
-    generic: bool = False
-    words: frozenset[str] = frozenset()
     reaction: AskedReaction | None = None
     motion: Motion | None = None
     members: int | None = None
-    role: str | None = None
     marked: bool = False
     edited: set[str] = field(default_factory=set)
 
@@ -128,8 +126,6 @@ class RelationDraft:
     """One relation with its roles; `kind` and `cause` where the text names them.
 
     Attributes:
-        soft: a yield that only a braking or stopping speaks of; a follow of a row of vehicles,
-            which may also stand the other way round.
         point_from, point_to: where on either vehicle a collision strikes.
         pattern: id of the relation file whose phrase the text uses.
         braker: the agent that brakes hard or late, where the text says so.
@@ -143,7 +139,6 @@ class RelationDraft:
     to: AgentDraft
     kind: str | None = None
     cause: str | None = None
-    soft: bool = False
     point_from: ImpactPoint | None = None
     point_to: ImpactPoint | None = None
     pattern: str | None = None
@@ -160,9 +155,19 @@ class RelationDraft:
         in_one_lane = self.kind == "rear_end" or self.manoeuvre is not None
         return self.to if self.type in ("yield_to", "follow") or in_one_lane else None
 
-    def pair(self) -> frozenset[int]:
+    @property
+    def ends(self) -> tuple[AgentDraft, AgentDraft]:
+        """The two agents, in order."""
+        return self.from_, self.to
+
+    @property
+    def pair(self) -> frozenset[AgentDraft]:
         """The two agents, unordered."""
-        return frozenset((id(self.from_), id(self.to)))
+        return frozenset(self.ends)
+
+    def get_other(self, agent: AgentDraft) -> AgentDraft:
+        """The other one of the two."""
+        return self.to if agent is self.from_ else self.from_
 
 
 @dataclass(eq=False)
@@ -175,16 +180,14 @@ class MeasureDraft:
     low: float
     high: float
 
-    def name_agents(self, ids: Mapping[int, str]) -> Measure | None:
-        """The measure with agents by name (id of a draft -> name); None if one has gone."""
-        agents = (self.agent,) if self.other is None else (self.agent, self.other)
-        if any(id(agent) not in ids for agent in agents):
+    def name_agents(self, names: Mapping[AgentDraft, str]) -> Measure | None:
+        """The measure with agents by name; None if one has gone."""
+        if self.agent not in names or self.other not in (None, *names):
             return None
-        names = [ids[id(agent)] for agent in agents]
         return Measure(
             kind=self.kind,
-            agent=names[0],
-            other=names[1] if self.other is not None else None,
+            agent=names[self.agent],
+            other=None if self.other is None else names[self.other],
             low=round(self.low, 4),
             high=round(self.high, 4),
         )

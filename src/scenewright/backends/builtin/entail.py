@@ -134,7 +134,7 @@ def _fill_relatives(agent: AgentDraft, draft: Draft) -> None:
 
 def _meet_on_crosswalk(relation: RelationDraft) -> None:
     """Two that meet on foot, one of them on a crosswalk, cross it in opposite directions."""
-    pair = (relation.from_, relation.to)
+    pair = relation.ends
     met = relation.type in ("collide_at", "near_miss") and relation.pattern is None
     if not (met and all(each.walks for each in pair)):
         return
@@ -151,8 +151,8 @@ def find_partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
     bound = [
         other
         for relation in draft.relations
-        for other in (relation.from_, relation.to)
-        if agent in (relation.from_, relation.to) and other is not agent and other.drives
+        for other in relation.ends
+        if agent in relation.ends and other is not agent and other.drives
     ]
     if bound:
         return bound[0]
@@ -161,7 +161,7 @@ def find_partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
 
 
 def _check_shared_lane(relation: RelationDraft, site: Site) -> None:
-    first, second = relation.from_, relation.to
+    first, second = relation.ends
     lane = relation.type == "follow" or relation.kind == "rear_end"
     if not lane or not (first.drives and second.drives):
         return
@@ -190,7 +190,7 @@ def _turn_across(relation: RelationDraft, site: Site) -> None:
     turn = _TURN_CRASHES.get(relation.kind or "")
     if turn is None:
         return
-    vehicles = [agent for agent in (relation.from_, relation.to) if agent.drives]
+    vehicles = [agent for agent in relation.ends if agent.drives]
     free = [agent for agent in vehicles if agent.movement is None]
     if free and all(a.movement != turn for a in vehicles):
         free[0].movement = turn
@@ -198,7 +198,7 @@ def _turn_across(relation: RelationDraft, site: Site) -> None:
 
 
 def _check_head_on(relation: RelationDraft, site: Site) -> None:
-    first, second = relation.from_, relation.to
+    first, second = relation.ends
     if relation.kind != "head_on" or not (first.drives and second.drives and site.compass):
         return
     for agent, other in ((first, second), (second, first)):
@@ -216,7 +216,7 @@ def _check_head_on(relation: RelationDraft, site: Site) -> None:
 
 
 def _check_possible(relation: RelationDraft, site: Site) -> None:
-    first, second = relation.from_, relation.to
+    first, second = relation.ends
     if first.type == second.type == "pedestrian" and relation.type == "yield_to":
         raise Refused(
             "impossible",

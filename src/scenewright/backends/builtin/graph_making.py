@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import get_args
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from scenewright.backends.builtin.draft import (
     LEFT_OF_HEADING,
     AgentDraft,
+    ContextDraft,
     Draft,
     Refused,
     RelationDraft,
@@ -42,7 +43,7 @@ Tie = tuple[AgentDraft, AgentDraft, EntrySide]
 
 def list_ties(draft: Draft) -> list[Tie]:
     """What the text says of entries, once for every pair, without what an edit has overruled."""
-    found: dict[frozenset[int], Tie] = {}
+    found: dict[frozenset[AgentDraft], Tie] = {}
     stated = (
         (agent, other, _SIDES[word])
         for agent in draft.agents
@@ -52,7 +53,7 @@ def list_ties(draft: Draft) -> list[Tie]:
     for agent, other, side in (*stated, *_list_implied_ties(draft)):
         vehicles = agent.drives and other.drives and agent is not other
         if vehicles and other in draft.agents and not _is_overruled(agent, other, side):
-            found.setdefault(frozenset((id(agent), id(other))), (agent, other, side))
+            found.setdefault(frozenset((agent, other)), (agent, other, side))
     return list(found.values())
 
 
@@ -61,14 +62,14 @@ def name_turns_across(draft: Draft) -> None:
 
     In left-hand traffic it turns right; the kind has one name.
     """
-    opposite = {frozenset((id(a), id(b))) for a, b, side in list_ties(draft) if side == "opposite"}
+    opposite = {frozenset((a, b)) for a, b, side in list_ties(draft) if side == "opposite"}
     for relation in draft.relations:
         moves = {relation.from_.movement, relation.to.movement}
         across = draft.site.across
         turns = across in moves and moves <= {across, None, "straight"} and len(moves) == 2
         entry = relation.from_.entry
         facing = entry is not None and relation.to.entry == OPPOSITE[entry]
-        oncoming = facing or relation.pair() in opposite
+        oncoming = facing or relation.pair in opposite
         if relation.type == "collide_at" and relation.kind is None and turns and oncoming:
             relation.kind = "left_turn"
 
@@ -124,7 +125,7 @@ def finish_draft(draft: Draft) -> Draft:
     _name_red_causes(draft)
     for relation in draft.relations:
         # The vehicle strikes, also where the pedestrian is the sentence's subject.
-        on_foot = [each.type == "pedestrian" for each in (relation.from_, relation.to)]
+        on_foot = [agent.type == "pedestrian" for agent in relation.ends]
         if relation.type in {"collide_at", "near_miss"} and on_foot == [True, False]:
             relation.from_, relation.to = relation.to, relation.from_
             relation.point_from, relation.point_to = relation.point_to, relation.point_from
@@ -149,7 +150,7 @@ def finish_draft(draft: Draft) -> Draft:
 def _keep_one_event_per_pair(draft: Draft) -> None:
     """Collision, else yielding, else near miss (SEMANTICS 4); a follow may come before any."""
     for relation in list(draft.relations):
-        types = {r.type for r in draft.relations if r.pair() == relation.pair()}
+        types = {r.type for r in draft.relations if r.pair == relation.pair}
         if {"collide_at", "yield_to"} <= types:
             raise Refused(
                 "contradictory",
@@ -163,12 +164,10 @@ def _keep_one_event_per_pair(draft: Draft) -> None:
             raise Refused(
                 "contradictory", "Two agents cannot both give way to one another; keep one yield."
             )
-        softened = relation.type == "yield_to" and relation.soft and "near_miss" in types
-        overruled = relation.type == "near_miss" and types & {"collide_at", "yield_to"}
-        if softened or overruled:
+        if relation.type == "near_miss" and types & {"collide_at", "yield_to"}:
             draft.relations.remove(relation)
             for other in draft.relations:  # its order becomes that of the other
-                if relation.first is not None and other.pair() == relation.pair():
+                if relation.first is not None and other.pair == relation.pair:
                     other.first = other.first or relation.first
 
 
@@ -197,9 +196,9 @@ def _settle_orders(relations: Iterable[RelationDraft]) -> None:
                 "An agent that brakes hard for another lets it pass first; say that the other "
                 "one brakes, or that it passes first.",
             )
-        one, two = relation.from_, relation.to
-        vehicles = one.type == two.type == "vehicle"
-        one_way = vehicles and one.entry is not None and one.entry == two.entry
+        first, second = relation.ends
+        vehicles = first.type == second.type == "vehicle"
+        one_way = vehicles and first.entry is not None and first.entry == second.entry
         along_one_road = relation.kind in _UNORDERED or one_way
         if relation.ahead is not None or (relation.type == "collide_at" and along_one_road):
             relation.first = None
@@ -221,7 +220,7 @@ def place_impacts(draft: Draft, impacts: Impacts) -> None:
     if len(collisions) != 1:
         return
     (hit,) = collisions
-    vehicles = [agent for agent in (hit.from_, hit.to) if agent.type != "pedestrian"]
+    vehicles = [agent for agent in hit.ends if agent.type != "pedestrian"]
     if len(vehicles) == 2:
         hit.point_from, hit.point_to = impacts.striking, impacts.struck
     elif vehicles == [hit.from_]:
@@ -232,87 +231,65 @@ def place_impacts(draft: Draft, impacts: Impacts) -> None:
 
 def make_graph(draft: Draft) -> SocialGraph:
     """The social graph of a finished draft."""
-    ids = name_agents(draft.agents)
-    nodes = tuple(make_node(agent, ids[id(agent)]) for agent in draft.agents)
-    edges = tuple(make_edge(relation, ids, draft) for relation in draft.relations)
-    tied = tuple(
-        EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
-        for agent, other, side in list_ties(draft)
-    )
-    measures = tuple(m for each in draft.measures if (m := each.name_agents(ids)) is not None)
+    names, context = name_agents(draft.agents), draft.context
+    counts = Background(vehicles=context.vehicles, pedestrians=context.pedestrians)
+    background = None if counts == Background() else counts
+    measures = (measure.name_agents(names) for measure in draft.measures)
     return SocialGraph(
-        agents=nodes,
-        relations=edges,
-        ties=tied,
-        measures=tuple(dict.fromkeys(measures)),
-        context=make_context(draft),
+        agents=tuple(_make_node(agent, name) for agent, name in names.items()),
+        relations=tuple(_make_edge(relation, names, context) for relation in draft.relations),
+        ties=tuple(
+            EntryTie(agent=names[agent], of=names[other], side=side)
+            for agent, other, side in list_ties(draft)
+        ),
+        measures=tuple(dict.fromkeys(measure for measure in measures if measure is not None)),
+        context=SceneContext.model_validate(
+            {
+                "density": context.density,
+                "time_of_day": context.time_of_day,
+                "background": background,
+            }
+        ),
     )
 
 
-def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:
-    """Identity of a draft -> the name of its agent in the social graph."""
-    counts = dict.fromkeys(get_args(AgentClass), 0)
-    result: dict[int, str] = {}
+def name_agents(agents: Sequence[AgentDraft]) -> dict[AgentDraft, str]:
+    """The names that the drafts' agents have in the social graph."""
+    counts = Counter[AgentClass]()
+    names: dict[AgentDraft, str] = {}
     for agent in agents:
         counts[agent.type] += 1
-        result[id(agent)] = f"{agent.type}-{counts[agent.type]}"
-    return result
+        names[agent] = f"{agent.type}-{counts[agent.type]}"
+    return names
 
 
-def make_node(agent: AgentDraft, name: str) -> AgentNode:
-    """The vertex of a draft."""
-    subtype = agent.subtype if agent.type == "vehicle" else None
+_SAME_IN_NODE = AgentNode.model_fields.keys() - {"id", "subtype"}
+"""Fields that an agent has under the same name as its draft."""
+
+
+def _make_node(agent: AgentDraft, name: str) -> AgentNode:
+    known = agent.type == "vehicle" and agent.subtype in VEHICLE_SIZES
+    same = {field: getattr(agent, field) for field in _SAME_IN_NODE}
     return AgentNode.model_validate(
-        {
-            "id": name,
-            "type": agent.type,
-            "subtype": subtype if subtype in VEHICLE_SIZES else None,
-            "entry": agent.entry,
-            "exit": agent.exit,
-            "movement": agent.movement,
-            "crosswalk": agent.crosswalk,
-            "runs_red": agent.runs_red,
-            "motion": agent.motion,
-            "reaction": agent.reaction,
-            "members": agent.members,
-        }
+        {"id": name, "subtype": agent.subtype if known else None, **same}
     )
 
 
-def make_edge(relation: RelationDraft, ids: dict[int, str], draft: Draft) -> RelationEdge:
+_OF_COLLISIONS = ("kind", "strikes", "point_from", "point_to")
+"""Fields that other relations have no use for."""
+
+
+def _make_edge(
+    relation: RelationDraft, names: Mapping[AgentDraft, str], context: ContextDraft
+) -> RelationEdge:
     """The edge of a draft, with the severity that the text asks for."""
-    context = draft.context
-    collision, miss = relation.type == "collide_at", relation.type == "near_miss"
-    return RelationEdge.model_validate(
-        {
-            "type": relation.type,
-            "from": ids[id(relation.from_)],
-            "to": ids[id(relation.to)],
-            "kind": relation.kind if collision else None,
-            "cause": relation.cause,
-            "braker": None if relation.braker is None else ids[id(relation.braker)],
-            "manoeuvre": relation.manoeuvre,
-            "pattern": relation.pattern,
-            "target_pet": context.pet if not collision else None,
-            "target_ttc": context.ttc if miss else None,
-            "impact_speed": (context.speed or None) if collision else None,
-            "point_from": relation.point_from if collision else None,
-            "point_to": relation.point_to if collision else None,
-            "first": None if relation.first is None else ids[id(relation.first)],
-            "strikes": ids[id(relation.strikes)] if collision and relation.strikes else None,
-        }
-    )
-
-
-def make_context(draft: Draft) -> SceneContext:
-    """The context of a draft."""
-    context = draft.context
-    counts = {"vehicles": context.vehicles, "pedestrians": context.pedestrians}
-    known = any(count is not None for count in counts.values())
-    return SceneContext.model_validate(
-        {
-            "density": context.density,
-            "time_of_day": context.time_of_day,
-            "background": Background(**counts) if known else None,
-        }
-    )
+    collision = relation.type == "collide_at"
+    fields = {field: getattr(relation, field, None) for field in RelationEdge.model_fields}
+    fields |= {field: names[a] for field, a in fields.items() if isinstance(a, AgentDraft)}
+    if collision:
+        fields["impact_speed"] = context.speed or None
+    else:
+        fields |= {**dict.fromkeys(_OF_COLLISIONS), "target_pet": context.pet}
+    if relation.type == "near_miss":
+        fields["target_ttc"] = context.ttc
+    return RelationEdge.model_validate(fields)

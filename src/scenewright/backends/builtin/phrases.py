@@ -143,7 +143,7 @@ def assign_agents(relation: RelationDraft, site: Site) -> None:
 
 
 def _list_roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDraft, Role]]:
-    given, wanted = (relation.from_, relation.to), (pattern.from_, pattern.to)
+    given, wanted = relation.ends, (pattern.from_, pattern.to)
     for pair in (given, given[::-1]):
         if all(role.admits(agent.type) for agent, role in zip(pair, wanted, strict=True)):
             return list(zip(pair, wanted, strict=True))

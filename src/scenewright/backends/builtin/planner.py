@@ -94,7 +94,7 @@ def plan(
     try:
         choices = list_compass_texts(text, site.roads)
     except Refused as verdict:
-        return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+        return verdict.to_refusal()
     if not choices:
         return _plan_once(text, previous, site)
     first, found = seed % len(choices), []
@@ -122,7 +122,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         phrased = replace_phrases(mended.text)
         learned = read_plan(phrased.text, previous=previous, site=site, phrases=phrased.phrases)
     except Refused as verdict:
-        return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+        return verdict.to_refusal()
     found = learned.plan if is_sure(learned, site) else _offer(learned, site)
     if isinstance(found, SocialGraph):
         found = link_collisions(found)

@@ -10,7 +10,7 @@ from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.interpret import get_side
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import compile_words, find_subtype
+from scenewright.backends.builtin.reader.words import Patterns, find_subtype
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import Compass
 from scenewright.scene.kinds import Trait, find_marked, has_trait
@@ -26,6 +26,8 @@ from scenewright.scene.social import (
     get_figure,
 )
 
+_PATTERNS = Patterns("read_objects")
+
 _SPEED_TOLERANCE, _TIME_TOLERANCE = 0.5, 0.15
 """Of a speed [m/s] and a time [s] that are asked for (SEMANTICS 8)."""
 
@@ -34,9 +36,6 @@ _KINDS: dict[str | None, ObjectKind] = {
 }  # fmt: skip
 _FIGURES: dict[str, Trait] = {"impact": "ends", "wait": "waits"}
 """Tags of numbers, and the trait of what an agent does of which they say how fast or long."""
-_FOR_A_MOMENT = re.compile(r"\b(?:stopped|stationary|queu\w+|waiting|halted)\b", re.IGNORECASE)
-_THINGS = compile_words("read_objects.things")
-_BETWEEN = re.compile(r"\bbetween\b", re.IGNORECASE)
 
 
 @dataclass
@@ -78,10 +77,16 @@ class ReadObject:
     def get_figure(self) -> tuple[float, float] | None:
         """The range of the speed of a hit, or of the wait before it is passed."""
         unit = get_figure(self.encounter).unit if self.encounter else ""
-        tolerance = _TIME_TOLERANCE if unit == "s" else _SPEED_TOLERANCE
-        found = [parse_range(each.words, "", tolerance) for each in self.figures]
-        ranges = [each for each in found if each is not None and each[1] is not None]
-        return (round(ranges[0][0], 3), round(ranges[0][1] or 0.0, 3)) if ranges else None
+        return _find_range(self.figures, _TIME_TOLERANCE if unit == "s" else _SPEED_TOLERANCE)
+
+
+def _find_range(spans: Sequence[ReadSpan], tolerance: float) -> tuple[float, float] | None:
+    """The first range with two ends that words give."""
+    for span in spans:
+        asked = parse_range(span.words, "", tolerance)
+        if asked is not None and asked[1] is not None:
+            return round(asked[0], 3), round(asked[1], 3)
+    return None
 
 
 def take_out_objects(reading: Reading) -> tuple[Reading, tuple[ReadObject, ...]]:
@@ -97,19 +102,19 @@ def take_out_objects(reading: Reading) -> tuple[Reading, tuple[ReadObject, ...]]
     for span in reading.spans:
         _assign_span(span, objects)
     _assign_figures(reading, objects)
-    taken = {id(span) for each in objects.values() for span in each.list_spans()}
-    kept = [
+    taken = {id(span) for thing in objects.values() for span in thing.list_spans()}
+    rest = reading.select_spans(
+        [at for at, span in enumerate(reading.spans) if id(span) not in taken]
+    )
+    spans = tuple(
         replace(
             span,
             subjects=tuple(n for n in span.subjects if n not in objects),
             objects=tuple(n for n in span.objects if n not in objects),
         )
-        for span in reading.spans
-        if id(span) not in taken
-    ]
-    places = [n for n, span in enumerate(reading.spans) if id(span) not in taken]
-    users = {u: places.index(at) for u, at in reading.users.items() if at in places}
-    return replace(reading, spans=tuple(kept), users=users), _join_pairs(objects)
+        for span in rest.spans
+    )
+    return replace(rest, spans=spans), _join_pairs(objects)
 
 
 def _assign_span(span: ReadSpan, objects: Mapping[int, ReadObject]) -> None:
@@ -118,7 +123,7 @@ def _assign_span(span: ReadSpan, objects: Mapping[int, ReadObject]) -> None:
     things = subjects + [objects[n] for n in span.objects if n in objects]
     if not things or span.tag == "obj":
         return
-    agents = [n for n in (*span.subjects, *span.objects) if n not in objects]
+    agents = [number for number in span.users if number not in objects]
     full = find_marked("encounter", f"{span.tag} {span.value}") if span.value else None
     encounter = full or find_marked("encounter", span.tag)
     if span.tag == "ref":
@@ -153,16 +158,13 @@ def _join_meeting(before: Encounter | None, encounter: Encounter) -> Encounter:
 def _assign_figures(reading: Reading, objects: Mapping[int, ReadObject]) -> None:
     """Numbers of a hit, of a wait and of the time at which a hidden agent is seen."""
     for span in reading.spans:
-        for each in objects.values():
-            own = not span.subjects or not each.meetings.keys().isdisjoint(span.subjects)
-            if span.tag == "seen" and each.hidden is not None:
-                each.seen.append(span)
-            elif (
-                own
-                and (trait := _FIGURES.get(span.tag))
-                and has_trait("encounter", each.encounter, trait)
-            ):
-                each.figures.append(span)
+        trait = _FIGURES.get(span.tag)
+        for thing in objects.values():
+            about = not span.subjects or not thing.meetings.keys().isdisjoint(span.subjects)
+            if span.tag == "seen" and thing.hidden is not None:
+                thing.seen.append(span)
+            elif about and trait and has_trait("encounter", thing.encounter, trait):
+                thing.figures.append(span)
 
 
 def _join_pairs(objects: Mapping[int, ReadObject]) -> tuple[ReadObject, ...]:
@@ -171,7 +173,7 @@ def _join_pairs(objects: Mapping[int, ReadObject]) -> tuple[ReadObject, ...]:
     for first in found:
         same = [each for each in found if each.mentions[0] is first.mentions[0]]
         words = " ".join(span.words for span in first.sights)
-        if len(same) >= 2 and first is same[0] and _BETWEEN.search(words):
+        if len(same) >= 2 and first is same[0] and _PATTERNS.between.search(words):
             first.beyond = same[1].number
     beyond = {each.beyond for each in found}
     return tuple(each for each in found if each.number not in beyond)
@@ -190,63 +192,68 @@ def add_read_objects(
     """
     nodes: list[ObjectNode] = []
     said = list(graph.said)
-    agents = list(graph.agents)
-    for each in objects:
-        node = _make_node(each, f"object-{len(nodes) + 1}")
-        if each.hidden is not None:
-            node = node.model_copy(update=_hide(graph, each, names))
-            # Who comes out from behind an object crosses the road, if nothing else is said.
-            agents = [
-                agent.model_copy(update={"movement": "crossing"})
-                if agent.id == node.hides and not agent.movement
-                else agent
-                for agent in agents
-            ]
-        meeting: list[Meeting] = []
-        for number, encounter in each.meetings.items():
-            own = next((n for n, a in enumerate(agents) if a.id == names.get(number)), None)
-            if own is None or agents[own].type == "pedestrian":
-                raise Refused(
-                    "out_of_scope",
-                    f"It is not clear which vehicle or rider '{each.meets[0].words}' is said of; "
-                    "name it first.",
-                )
-            agents[own] = reroute_agent(agents[own], node)
-            if node.leg is not None and not meeting:
-                side = "entry" if agents[own].entry == node.leg else "exit"
-                node = node.model_copy(update={"side": side})
-            waits = any(has_trait("encounter", m.encounter, "heads_queue") for m in meeting)
-            figure = None if meeting else each.get_figure()
-            queues = waits and has_trait("encounter", encounter, "heads_queue")
-            how = (find_marked("encounter", "queue") if queues else None) or encounter
-            meeting.append(Meeting(agent=agents[own].id, encounter=how, figure=figure))
-        if meeting:
-            first, *others = meeting
-            fields = {"met_by": first.agent, "encounter": first.encounter, "figure": first.figure}
-            node = node.model_copy(update={**fields, "others": tuple(others)})
+    agents = {agent.id: agent for agent in graph.agents}
+    for thing in objects:
+        node = _make_node(thing, f"object-{len(nodes) + 1}")
+        if thing.hidden is not None:
+            node = node.model_copy(update=_hide(graph, thing, names))
+        node = _add_meetings(node, thing, agents, names)
         nodes.append(node)
-        said += _list_said(each, node)
-        if each.beyond is not None:
-            agents = [  # no vehicle parks on a crosswalk: who comes out between two is beside it
-                agent.model_copy(update={"movement": "jaywalking"})
-                if agent.id == node.hides and (agent.type, agent.crosswalk) == ("pedestrian", None)
-                else agent
-                for agent in agents
-            ]
+        said += _list_said(thing, node)
+        if thing.beyond is not None:
             alone = {"hides": None, "hidden_from": None, "lead": None, "beyond": node.id}
             nodes.append(node.model_copy(update={"id": f"object-{len(nodes) + 1}", **alone}))
+        if (walker := agents.get(node.hides or "")) is not None:
+            # Who comes out from behind an object crosses the road, if nothing else is said. No
+            # vehicle parks on a crosswalk: who comes out between two is beside it.
+            beside = thing.beyond and (walker.type, walker.crosswalk) == ("pedestrian", None)
+            movement = "jaywalking" if beside else walker.movement or "crossing"
+            agents[walker.id] = walker.model_copy(update={"movement": movement})
     if len(nodes) > MOST_OBJECTS:
         raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
-    said.sort(key=lambda each: each.start)
-    parts = {"agents": tuple(agents), "objects": tuple(nodes), "said": tuple(said)}
+    said.sort(key=lambda entry: entry.start)
+    parts = {"agents": tuple(agents.values()), "objects": tuple(nodes), "said": tuple(said)}
     return validate_objects(graph.model_copy(update=parts), objects[0].mentions[0].words)
 
 
-def _make_node(each: ReadObject, name: str) -> ObjectNode:
-    span = each.mentions[0]
+def _add_meetings(
+    node: ObjectNode, thing: ReadObject, agents: dict[str, AgentNode], names: Mapping[int, str]
+) -> ObjectNode:
+    """The object with those that meet it, whose routes lead by its leg from now on.
+
+    Raises:
+        Refused: they are no vehicles or riders, or come and leave by other legs.
+    """
+    meetings: list[Meeting] = []
+    for number, encounter in thing.meetings.items():
+        agent = agents.get(names.get(number, ""))
+        if agent is None or agent.type == "pedestrian":
+            raise Refused(
+                "out_of_scope",
+                f"It is not clear which vehicle or rider '{thing.meets[0].words}' is said of; "
+                "name it first.",
+            )
+        agent = agents[agent.id] = reroute_agent(agent, node)
+        if node.leg is not None and not meetings:
+            side = "entry" if agent.entry == node.leg else "exit"
+            node = node.model_copy(update={"side": side})
+        waits = any(has_trait("encounter", m.encounter, "heads_queue") for m in meetings)
+        queues = waits and has_trait("encounter", encounter, "heads_queue")
+        how = (find_marked("encounter", "queue") if queues else None) or encounter
+        figure = None if meetings else thing.get_figure()
+        meetings.append(Meeting(agent=agent.id, encounter=how, figure=figure))
+    if not meetings:
+        return node
+    first, *others = meetings
+    fields = {"met_by": first.agent, "encounter": first.encounter, "figure": first.figure}
+    return node.model_copy(update={**fields, "others": tuple(others)})
+
+
+def _make_node(thing: ReadObject, name: str) -> ObjectNode:
+    span = thing.mentions[0]
     subtype = find_subtype(span.words)
-    thing = subtype is None and _THINGS.search(span.words) is not None
-    kind = None if thing else _KINDS.get(span.value)
+    no_vehicle = subtype is None and _PATTERNS.things.search(span.words) is not None
+    kind = None if no_vehicle else _KINDS.get(span.value)
     low = span.words.lower()
     if kind is None and subtype is None and re.search(r"container|skip|dumpster", low):
         kind = "container"
@@ -255,21 +262,21 @@ def _make_node(each: ReadObject, name: str) -> ObjectNode:
     kind = kind or "parked"
     if kind == "bus_stop" and subtype != "bus":
         kind = "parked"
-    if kind == "parked" and _FOR_A_MOMENT.search(span.words):
+    if kind == "parked" and _PATTERNS.for_a_moment.search(span.words):
         raise Refused(
             "out_of_scope",
             f"'{span.words}' may drive on; say that they are parked or stalled.",
         )
-    if each.encounter is not None and kind not in STANDING_VEHICLES:
+    if thing.encounter is not None and kind not in STANDING_VEHICLES:
         raise Refused(
             "out_of_scope",
             f"'{span.words}' is no vehicle, and only vehicles that stand can be hit, gone round or "
             "waited behind; say a parked or stalled one.",
         )
-    if each.encounter is not None:
+    if thing.encounter is not None:
         state = {"double": "double-parked", "stop": "unloading"}.get(span.value or "", span.value)
-        kind = find_kind(f"{span.words} {state}", each.encounter)
-    sides = [place for place in each.place if get_side(place) is not None]
+        kind = find_kind(f"{span.words} {state}", thing.encounter)
+    sides = [place for place in thing.place if get_side(place) is not None]
     return ObjectNode.model_validate(
         {
             "id": name,
@@ -281,45 +288,39 @@ def _make_node(each: ReadObject, name: str) -> ObjectNode:
     )
 
 
-def _hide(graph: SocialGraph, each: ReadObject, names: Mapping[int, str]) -> dict[str, object]:
+def _hide(graph: SocialGraph, thing: ReadObject, names: Mapping[int, str]) -> dict[str, object]:
     """The fields of an object that hides an agent from the vehicle of their event.
 
     Raises:
         Refused: a vehicle is hidden, or nothing happens between the hidden agent and a vehicle.
     """
-    if each.hides_several:
+    if thing.hides_several:
         raise Refused(
             "out_of_scope",
-            f"'{each.sights[0].words}' seems to hide several, and one pedestrian can be hidden; "
+            f"'{thing.sights[0].words}' seems to hide several, and one pedestrian can be hidden; "
             "say one of them.",
         )
     types = {agent.id: agent.type for agent in graph.agents}
-    walker = names.get(each.hidden or 0)
-    pairs = [(e.from_, e.to) for e in graph.relations if walker in (e.from_, e.to)]
-    drivers = [a if b == walker else b for a, b in pairs]
-    drivers = [name for name in drivers if types[name] == "vehicle"]
-    if walker is None or types[walker] == "vehicle" or not drivers:
+    walker = names.get(thing.hidden or 0, "")
+    met = [edge.get_other(walker) for edge in graph.relations if walker in edge.pair]
+    drivers = [name for name in met if types[name] == "vehicle"]
+    if not drivers or types[walker] == "vehicle":
         raise Refused(
             "out_of_scope",
-            f"'{each.sights[0].words}' says that something is hidden, and only a pedestrian or "
+            f"'{thing.sights[0].words}' says that something is hidden, and only a pedestrian or "
             "rider that a vehicle hits, nearly hits or gives way to can be; say such an event.",
         )
-    found = [parse_range(span.words, "", _TIME_TOLERANCE) for span in each.seen]
-    leads = [
-        (round(lead[0], 3), round(lead[1], 3))
-        for lead in found
-        if lead is not None and lead[1] is not None
-    ]
-    return {"hides": walker, "hidden_from": drivers[0], "lead": leads[0] if leads else None}
+    lead = _find_range(thing.seen, _TIME_TOLERANCE)
+    return {"hides": walker, "hidden_from": drivers[0], "lead": lead}
 
 
-def _list_said(each: ReadObject, node: ObjectNode) -> Iterator[SaidSpan]:
+def _list_said(thing: ReadObject, node: ObjectNode) -> Iterator[SaidSpan]:
     """The account of the words about one object."""
     pair, met = (node.hidden_from or "", node.hides or ""), (node.met_by or "",)
     meanings: tuple[tuple[Sequence[ReadSpan], Became, tuple[str, ...], str], ...] = (
-        ((*each.mentions, *each.place), "object", (), node.describe()),
-        ((*each.sights, *each.seen), "sight", pair, node.id),
-        ((*each.meets, *each.figures), "encounter", met, f"{node.id} {each.encounter}"),
+        ((*thing.mentions, *thing.place), "object", (), node.describe()),
+        ((*thing.sights, *thing.seen), "sight", pair, node.id),
+        ((*thing.meets, *thing.figures), "encounter", met, f"{node.id} {thing.encounter}"),
     )
     for spans, became, agents, value in meanings:
         for span in spans:

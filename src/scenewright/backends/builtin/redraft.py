@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import TypeVar
 
 from pydantic import ValidationError
 
@@ -22,6 +23,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
 )
 from scenewright.backends.builtin.references import ORDINALS, People
 from scenewright.backends.builtin.scope import check_language, check_text
+from scenewright.scene.base import Model
 from scenewright.scene.edits import Edit, SetMeasure, Situation, diff_graphs
 from scenewright.scene.phrasing import choose_names, describe_graph
 from scenewright.scene.route_table import WAY_FIELDS, resolve_route
@@ -35,6 +37,7 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 
+_PartT = TypeVar("_PartT", bound=Model)
 _ENDS = ("from_", "to", "braker", "first", "strikes")
 """Fields of a relation that name an agent."""
 
@@ -62,9 +65,6 @@ def read_change(
     )
     if is_no_change(after.reading) and not after.objects:
         return ()
-    for each in (before, after):
-        if isinstance(each.plan, Refusal):
-            raise Refused(each.plan.code, each.plan.reason)
     return _Change(situation, before, after, site).list_edits()
 
 
@@ -75,8 +75,8 @@ def _name_people(text: str, every: Sequence[Named], situation: Situation, people
     for ordinal, at in ORDINALS.items():
         if len(in_order) > at:
             text = re.sub(rf"\bthe {ordinal} one\b", in_order[at], text, flags=re.IGNORECASE)
-    for each in every:
-        agent = people.find_agent(each)
+    for named in every:
+        agent = people.find_agent(named)
         if agent is None:
             continue
         if agent.id not in names:
@@ -85,7 +85,7 @@ def _name_people(text: str, every: Sequence[Named], situation: Situation, people
                 f"{agent.id} is a background agent without a role; it can be "
                 "removed, slowed down or moved in time, or an agent of its own can be added.",
             )
-        words = rf"\b(?:(?:the|that|this) )?{re.escape(each.phrase)}\b"
+        words = rf"\b(?:(?:the|that|this) )?{re.escape(named.phrase)}\b"
         text = re.sub(words, names[agent.id], text, count=1, flags=re.IGNORECASE)
     return text
 
@@ -96,45 +96,37 @@ class _Change:
     def __init__(
         self, situation: Situation, before: LearnedPlan, after: LearnedPlan, site: Site
     ) -> None:
-        if isinstance(before.plan, Refusal) or isinstance(after.plan, Refusal):
-            raise TypeError("two plans are needed")
         self._graph, self._site = situation.graph, site
-        self._before, self._after = before.plan, after.plan
-        self._hidden = {each.hides for each in after.plan.objects}
-        said, cut = after.reading.spans, after.reading.text.find(SEPARATOR)
-        tells = (*PAIRS, "swap", "first")
-        self._tells_event = any(each.start > cut and each.tag in tells for each in said)
-        known = [each.id for each in self._graph.agents]
+        self._before, self._after = _get_graph(before), _get_graph(after)
+        self._hidden = {node.hides for node in self._after.objects}
+        cut, tells = after.reading.text.find(SEPARATOR), (*PAIRS, "swap", "first")
+        self._tells_event = any(s.start > cut and s.tag in tells for s in after.reading.spans)
         # Each sentence of the scene brings one agent, in order.
-        types = [self._before.agent(before.users[n]).type for n in sorted(before.users)]
-        if types != [each.type for each in self._graph.agents]:
+        earlier = dict(zip(sorted(before.users), self._graph.agents, strict=False))
+        types = [self._before.agent(name).type for _, name in sorted(before.users.items())]
+        if types != [agent.type for agent in self._graph.agents]:
             raise Refused(
                 "out_of_scope",
                 "This scene cannot be put into plain words, so words cannot change it like that; "
                 "change it by hand, or describe the whole scene anew.",
             )
-        earlier = dict(zip(sorted(before.users), known, strict=False))
-        self._was = {before.users[n]: name for n, name in earlier.items()}
-        taken = {each.id for each in situation.present} | set(known)
+        # By the names that the agents have in either reading, those that they have in the scene.
+        self._was = {before.users[number]: agent.id for number, agent in earlier.items()}
         self._now: dict[str, str] = {}
-        for number, theirs in sorted(after.users.items()):
-            if number not in earlier:
-                continue
+        for number, name in sorted(after.users.items()):
+            agent = earlier.get(number)
             # Who becomes of another class is another agent.
-            if self._after.agent(theirs).type == self._before.agent(before.users[number]).type:
-                self._now[theirs] = earlier[number]
+            if agent is not None and agent.type == self._after.agent(name).type:
+                self._now[name] = agent.id
+        free = {node.type: situation.generate_ids(node.type) for node in self._after.agents}
         for node in self._after.agents:
             if node.id not in self._now:
-                self._now[node.id] = free_name(node.type, taken)
-                taken.add(self._now[node.id])
+                self._now[node.id] = next(free[node.type])
 
     def list_edits(self) -> tuple[Edit, ...]:
         """The edits that lead from the scene's graph to the one that is asked for."""
         nodes = tuple(self._change_node(node) for node in self._after.agents)
-        present = {each.id for each in nodes}
-        gone = {each.id for each in self._graph.agents} - set(self._was.values())
-        nodes += tuple(each for each in self._graph.agents if each.id in gone)
-        present |= gone
+        present = {node.id for node in nodes}
         try:
             graph = SocialGraph(
                 agents=nodes,
@@ -147,31 +139,32 @@ class _Change:
             fault = error.errors()[0]["msg"].removeprefix("Value error, ")
             raise Refused("contradictory", f"{fault}; change both, or say it anew.") from error
         figures = tuple(
-            SetMeasure(measure=each.model_copy(update=self._rename(each, ("agent", "other"))))
-            for each in self._after.measures
-            if each not in self._before.measures
+            SetMeasure(measure=self._rename(measure, ("agent", "other")))
+            for measure in self._after.measures
+            if measure not in self._before.measures
         )
         return (*diff_graphs(self._graph, graph), *figures)
 
-    def _rename(self, each: object, fields: Sequence[str]) -> dict[str, str]:
-        """The fields that name agents, with the names that the scene has for them."""
-        named = {field: getattr(each, field) for field in fields}
-        return {field: self._now[name] for field, name in named.items() if name in self._now}
+    def _rename(self, part: _PartT, fields: Sequence[str], **update: object) -> _PartT:
+        """A part of the later reading, with the names that the scene has for its agents.
+
+        Args:
+            fields: those that name agents; update: other fields that change.
+        """
+        named = {field: getattr(part, field) for field in fields}
+        update |= {field: self._now[name] for field, name in named.items() if name in self._now}
+        return part.model_copy(update=update)
 
     def _change_node(self, node: AgentNode) -> AgentNode:
         """The scene's agent with what the words change of it, or a new one."""
         name = self._now[node.id]
-        read = next((o for o, own in self._was.items() if own == name), None)
-        if read is None:
+        earlier_name = next((old for old, kept in self._was.items() if kept == name), None)
+        if earlier_name is None:
             return node.model_copy(update={"id": name})
-        was, known = self._before.agent(read), self._graph.agent(name)
-        fields = [f for f in AgentNode.model_fields if f not in ("id", "type", *WAY_FIELDS)]
-        update = {f: getattr(node, f) for f in fields if getattr(node, f) != getattr(was, f)}
-        given = {
-            f: getattr(node, f)
-            for f in WAY_FIELDS
-            if getattr(node, f) not in (None, getattr(was, f))
-        }
+        known = self._graph.agent(name)
+        changed = _list_changes(self._before.agent(earlier_name), node)
+        update = {f: new for f, new in changed.items() if f not in ("id", "type", *WAY_FIELDS)}
+        given = {f: changed[f] for f in WAY_FIELDS if changed.get(f) is not None}
         if given.get("movement") == "crossing" and node.id in self._hidden:
             del given["movement"]  # who comes out from behind something crosses anyway
         earlier = {f: getattr(known, f) for f in WAY_FIELDS}
@@ -182,81 +175,65 @@ class _Change:
 
     def _change_relations(self, present: set[str]) -> tuple[RelationEdge, ...]:
         read = {
-            frozenset(self._was.get(each, each) for each in (e.from_, e.to)): e
-            for e in self._before.relations
+            frozenset(self._was.get(name, name) for name in edge.pair): edge
+            for edge in self._before.relations
         }
         kept = []
         for edge in self._after.relations:
-            now = edge.model_copy(update=self._rename(edge, _ENDS))
-            pair = frozenset((now.from_, now.to))
-            own = next((e for e in self._graph.relations if {e.from_, e.to} == pair), None)
-            was = read.get(pair)
-            if own is None or was is None or (own.type, own.from_) != (now.type, now.from_):
-                unsaid = own is not None and own.type == now.type and not self._tells_event
-                kept.append(own if own is not None and unsaid else now)
+            now = self._rename(edge, _ENDS)
+            known = next((e for e in self._graph.relations if e.pair == now.pair), None)
+            was = read.get(now.pair)
+            if known is None or was is None or (known.type, known.from_) != (now.type, now.from_):
+                unsaid = known is not None and known.type == now.type and not self._tells_event
+                kept.append(known if known is not None and unsaid else now)
                 continue
             old = was.model_copy(update={f: self._was.get(getattr(was, f) or "") for f in _ENDS})
-            changed = {
-                f: getattr(now, f)
-                for f in RelationEdge.model_fields
-                if getattr(now, f) != getattr(old, f)
-            }
-            kept.append(own.model_copy(update=changed))
-        unread = [
-            edge
-            for edge in self._graph.relations
-            if frozenset((edge.from_, edge.to)) not in read and {edge.from_, edge.to} <= present
-        ]
-        known = {frozenset((each.from_, each.to)) for each in kept}
-        return (*kept, *(e for e in unread if frozenset((e.from_, e.to)) not in known))
+            kept.append(known.model_copy(update=_list_changes(old, now)))
+        settled = {*read, *(edge.pair for edge in kept)}
+        unread = (e for e in self._graph.relations if e.pair not in settled and e.pair <= present)
+        return (*kept, *unread)
 
     def _change_ties(self, present: set[str]) -> tuple[EntryTie, ...]:
-        now = {own: theirs for theirs, own in self._now.items()}
-        moved = {
-            own
-            for read, own in self._was.items()
-            if own in now and self._after.agent(now[own]).entry != self._before.agent(read).entry
-        }
-        fresh = [
-            tie.model_copy(update=self._rename(tie, ("agent", "of"))) for tie in self._after.ties
-        ]
-        given = {frozenset((tie.agent, tie.of)) for tie in fresh}
-        old = [
-            tie
-            for tie in self._graph.ties
-            if frozenset((tie.agent, tie.of)) not in given and not {tie.agent, tie.of} & moved
-        ]
-        return tuple(tie for tie in (*old, *fresh) if {tie.agent, tie.of} <= present)
+        was = {name: self._before.agent(old).entry for old, name in self._was.items()}
+        now = {name: self._after.agent(new).entry for new, name in self._now.items()}
+        moved = {name for name in was.keys() & now.keys() if was[name] != now[name]}
+        fresh = [self._rename(tie, ("agent", "of")) for tie in self._after.ties]
+        given = {tie.pair for tie in fresh}
+        kept = [t for t in self._graph.ties if t.pair not in given and not t.pair & moved]
+        return tuple(tie for tie in (*kept, *fresh) if tie.pair <= present)
 
     def _list_new_objects(self) -> list[ObjectNode]:
         """What is to stand in the scene beside what does already."""
-        known = self._graph.objects
-        number = max((int(each.id.rpartition("-")[2]) for each in known), default=0)
-        ids = {each.id: f"object-{number + n}" for n, each in enumerate(self._after.objects, 1)}
+        number = max((int(node.id.rpartition("-")[2]) for node in self._graph.objects), default=0)
+        ids = {node.id: f"object-{number + n}" for n, node in enumerate(self._after.objects, 1)}
         return [
-            each.model_copy(
-                update={
-                    "id": ids[each.id],
-                    "beyond": ids.get(each.beyond or ""),
-                    **self._rename(each, ("hides", "hidden_from", "met_by")),
-                    "others": tuple(
-                        m.model_copy(update=self._rename(m, ("agent",))) for m in each.others
-                    ),
-                }
+            self._rename(
+                node,
+                ("hides", "hidden_from", "met_by"),
+                id=ids[node.id],
+                beyond=ids.get(node.beyond or ""),
+                others=tuple(self._rename(meeting, ("agent",)) for meeting in node.others),
             )
-            for each in self._after.objects
+            for node in self._after.objects
         ]
 
     def _change_context(self) -> SceneContext:
-        was, now = self._before.context, self._after.context
-        fields = ("density", "time_of_day", "background")
-        update = {f: getattr(now, f) for f in fields if getattr(now, f) != getattr(was, f)}
-        return self._graph.context.model_copy(update=update)
+        changed = _list_changes(self._before.context, self._after.context)
+        return self._graph.context.model_copy(update=changed)
 
 
-def free_name(kind: str, taken: set[str]) -> str:
-    """The first unused id of a class."""
-    count = 1
-    while f"{kind}-{count}" in taken:
-        count += 1
-    return f"{kind}-{count}"
+def _get_graph(learned: LearnedPlan) -> SocialGraph:
+    """The graph that was read.
+
+    Raises:
+        Refused: the text was refused.
+    """
+    if isinstance(learned.plan, Refusal):
+        raise Refused(learned.plan.code, learned.plan.reason)
+    return learned.plan
+
+
+def _list_changes(was: _PartT, now: _PartT) -> dict[str, object]:
+    """The fields of a part that are other than before, as they are now."""
+    both = {field: (getattr(was, field), getattr(now, field)) for field in type(now).model_fields}
+    return {field: new for field, (old, new) in both.items() if new != old}

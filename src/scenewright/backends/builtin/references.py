@@ -79,7 +79,7 @@ class People:
 
     def list_foreground(self) -> list[AgentView]:
         """Those of the social graph."""
-        return [each for each in self._present.values() if each.role == "foreground"]
+        return [agent for agent in self._present.values() if agent.role == "foreground"]
 
     def pick(self, among: Sequence[AgentView], noun: str) -> AgentView:
         """The only one of them, or the one that was answered; Unclear if there are several."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 
 from scenewright.backends.builtin.asked_figures import read_figure
 from scenewright.backends.builtin.dials import build_motion_edit, number
@@ -15,8 +16,8 @@ from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.named import Named, find_named, find_ways
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.reader.measures import measure_in
-from scenewright.backends.builtin.reader.words import WORDS, compile_words, find_subtype
-from scenewright.backends.builtin.redraft import free_name, read_change
+from scenewright.backends.builtin.reader.words import WORDS, Patterns, find_subtype
+from scenewright.backends.builtin.redraft import read_change
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.spelling import mend_spelling
 from scenewright.backends.builtin.street_names import ask_which_leg, list_compass_texts
@@ -43,22 +44,8 @@ from scenewright.scene.edits import (
 from scenewright.scene.social import MOST_BACKGROUND, ObjectNode, RelationEdge, RelationType
 from scenewright.scene.track import VEHICLE_SIZES
 
-_PARTS = compile_words("revising.parts", re.NOFLAG)
-_CUE = compile_words("revising.cue", re.NOFLAG)
-_FRESH = re.compile(r"\b(?:new scene|start over|from scratch|forget (?:that|it|the))\b")
-_REMOVES = re.compile(r"\b(?:remove|delete|drop|get rid of|take out|take away|lose)\b")
-_ADDS = re.compile(r"\b(?:add|throw in|include|put in|insert)\b|\bmore\b|\badditional\b")
-_FEWER = re.compile(r"\b(?:fewer|less)\b")
-_ANOTHER = compile_words("revising.another", re.NOFLAG)
-_BECOMES = re.compile(r"\b(?:make|turn|change|replace|swap|switch|should be|becomes?)\b")
-_PRONOUN = compile_words("revising.pronoun", re.NOFLAG)
-_PERSON = re.compile(r"(?<=\b(?:make|slow|have|stop)\s)(?:her|him)\b", re.IGNORECASE)
-_ORDINARY = compile_words("revising.ordinary")
-"""An ordinary morning says nothing of the event, unlike a normal scene."""
-_SCOOTER = re.compile(r"(?<!e-)(?<!e )(?<!kick )(?<!motor )(?<!electric )\bscooter\b")
-"""In a conversation, that of the class of this name; a text of its own may mean a motorcycle."""
-_HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
-_SEVERITY = re.compile(r"\b(?:pet|ttc|time[ -]to[ -]collision|post[ -]?encroachment|gap)\b")
+_PATTERNS = Patterns("revising")
+
 _EVENT_WORDS: dict[RelationType, str] = WORDS["revising"]["event_words"]
 """What happens between two, as said by nouns and verbs."""
 
@@ -84,7 +71,7 @@ def read(
     """
     words = mend_spelling(words).text
     plain = " ".join(words.lower().split())
-    if situation is None or _FRESH.search(plain):
+    if situation is None or _PATTERNS.fresh.search(plain):
         return NewScene()
     site = site or Site()
     try:
@@ -106,13 +93,13 @@ def read(
 
 def begins_anew(words: str) -> bool:
     """Whether the words say that a new scene begins."""
-    return _FRESH.search(" ".join(words.lower().split())) is not None
+    return _PATTERNS.fresh.search(" ".join(words.lower().split())) is not None
 
 
 def _build_edits(
     words: str, situation: Situation, chosen: Mapping[str, str], site: Site
 ) -> Reading:
-    again = _ANOTHER.match(" ".join(words.lower().split()))
+    again = _PATTERNS.another.match(" ".join(words.lower().split()))
     if again is not None:
         return Edits(edits=(_redraw(again, situation, chosen),))
     if standing := _find_removed(words, situation):
@@ -120,7 +107,7 @@ def _build_edits(
     if not _is_edit(words) and not _is_about_scene(words, situation, chosen):
         return NewScene()
     found: list[Edit] = []
-    for part in _PARTS.split(words.strip()):
+    for part in _PATTERNS.parts.split(words.strip()):
         if part.strip():
             made = _read_part(part, situation, chosen, site)
             found += made
@@ -140,7 +127,7 @@ def _is_edit(text: str) -> bool:
     every = [each for each in find_named(plain) if each.type not in (None, "none")]
     introduced = [each for each in every if each.det in ("indefinite", "another")]
     counted = [each for each in every if each.count not in (None, 1) and each.det != "both"]
-    changes = _CUE.search(plain) is not None
+    changes = _PATTERNS.cue.search(plain) is not None
     if _HAPPENS.search(plain) and (len(introduced) >= 2 or (counted and not changes)):
         return False  # it brings its own parties and event
     return changes or len(every) + ("traffic" in plain) < 2
@@ -177,7 +164,7 @@ def _read_part(
 ) -> tuple[Edit, ...]:
     """The edits that one clause asks for."""
     people = People(situation, chosen)
-    text = _ORDINARY.sub("", _SCOOTER.sub("e-scooter", _spell_out(text, people)))
+    text = _PATTERNS.ordinary.sub("", _PATTERNS.scooter.sub("e-scooter", _spell_out(text, people)))
     plain = clean(text)
     every = find_named(plain)
     for each in every:
@@ -201,7 +188,7 @@ def _read_part(
 def _has_figures(plain: str) -> bool:
     """Whether the words say how severe it shall be: those are for the reader."""
     measure = measure_in(plain)
-    return measure is not None and (measure.unit == "m/s" or bool(_SEVERITY.search(plain)))
+    return measure is not None and (measure.unit == "m/s" or bool(_PATTERNS.severity.search(plain)))
 
 
 def _choose_events(plain: str, situation: Situation, people: People) -> tuple[Relate, ...] | None:
@@ -231,12 +218,12 @@ def _spell_out(text: str, people: People) -> str:
     """ "have it turn left" with the vehicle instead of the pronoun."""
     walkers = [each for each in people.list_foreground() if each.type == "pedestrian"]
     if len(walkers) == 1:
-        text = _PERSON.sub(walkers[0].id, text)
-    found = _PRONOUN.search(text.lower())
+        text = _PATTERNS.person.sub(walkers[0].id, text)
+    found = _PATTERNS.pronoun.search(text.lower())
     if found is None:
         return text
     kind = "vehicle" if found["it"] == "it" else "pedestrian"
-    if _HOLDS.match(text[found.end() :].lower()):
+    if _PATTERNS.holds.match(text[found.end() :].lower()):
         held = [e for e in people.list_foreground() if e.stops or e.slows_to is not None]
         if len(held) == 1 and held[0].type == kind:
             return f"{text[: found.start('it')]}{held[0].id}{text[found.end('it') :]}"
@@ -264,7 +251,7 @@ def _read_removal(
     text: str, plain: str, every: Sequence[Named], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """ "remove the truck", "drop the collision", "remove all pedestrians"."""
-    if not _REMOVES.search(plain) or any(each.det == "indefinite" for each in every):
+    if not _PATTERNS.removes.search(plain) or any(each.det == "indefinite" for each in every):
         return None
     agent = people.find_by_id(text) or _find_subject(every, people)
     if agent is not None:
@@ -281,7 +268,7 @@ def _read_removal(
     rare = {_get_kind(each) for each in groups} & _BY_NAME
     if rare and len(groups) == 1 and groups[0].count is None:
         return _remove_kind(groups[0], situation)
-    counts = _count_background(situation)
+    counts = situation.count_background()
     for group in groups:
         kind = str(group.type)
         counts[kind] = max(counts[kind] - group.count, 0) if group.count else 0
@@ -291,8 +278,7 @@ def _read_removal(
 def _remove_kind(group: Named, situation: Situation) -> tuple[Edit, ...]:
     """ "remove the buses": all of that kind in the background, and no other agent."""
     kind = _get_kind(group)
-    others = [each for each in situation.present if each.role == "background"]
-    gone = [each.id for each in others if kind in (each.subtype, each.type)]
+    gone = [agent.id for agent in situation.background if kind in (agent.subtype, agent.type)]
     if not gone:
         raise Refused("impossible", f"There is no {kind} among the others in this scene.")
     return tuple(RemoveAgent(agent=each) for each in gone[:32])
@@ -302,7 +288,10 @@ def _read_count_change(
     plain: str, every: Sequence[Named], situation: Situation
 ) -> tuple[Edit, ...] | None:
     """ "add three cars", "two more pedestrians", "fewer cars"; kinds of vehicles by name."""
-    more, fewer = _ADDS.search(plain) is not None, _FEWER.search(plain) is not None
+    more, fewer = (
+        _PATTERNS.adds.search(plain) is not None,
+        _PATTERNS.fewer.search(plain) is not None,
+    )
     groups = [each for each in every if each.type is not None]
     if not groups or not (more or fewer) or find_ways(plain):
         return None
@@ -312,7 +301,7 @@ def _read_count_change(
         return _read_kinds(groups, situation)
     if any(each.type in RIDERS for each in groups):
         return None
-    counts = _count_background(situation)
+    counts = situation.count_background()
     for group in groups:
         vague = re.search(r"\b(a couple of|a few|some|several)\b", plain)
         several = 3 if vague is None else int(number(vague[1]))
@@ -331,16 +320,14 @@ def _read_count_change(
 
 def _read_kinds(groups: Sequence[Named], situation: Situation) -> tuple[Edit, ...]:
     """Trucks, buses and riders take part by name: a crowd has the kinds it was drawn with."""
-    taken = {each.id for each in situation.present} | {a.id for a in situation.graph.agents}
-    made: list[Edit] = []
-    for group in groups:
-        for _ in range(group.count or 1):
-            name = free_name(str(group.type), taken)
-            taken.add(name)
-            subtype = None if group.type in RIDERS else _get_kind(group)
-            node = {"id": name, "type": group.type, "subtype": subtype}
-            made.append(AddAgent.model_validate({"node": node}))
-    return tuple(made)
+    free = {group.type: situation.generate_ids(str(group.type)) for group in groups}
+    return tuple(
+        AddAgent.model_validate(
+            {"node": {"id": name, "type": group.type, "subtype": group.subtype}}
+        )
+        for group in groups
+        for name in islice(free[group.type], group.count or 1)
+    )
 
 
 _BY_NAME = {*VEHICLE_SIZES, *RIDERS} - {"car"}
@@ -351,11 +338,6 @@ def _get_kind(named: Named) -> str | None:
     if named.type in RIDERS:
         return named.type
     return named.subtype
-
-
-def _count_background(situation: Situation) -> dict[str, int]:
-    others = [each for each in situation.present if each.role == "background"]
-    return {kind: sum(each.type == kind for each in others) for kind in ("vehicle", "pedestrian")}
 
 
 def _build_background_edit(counts: Mapping[str, int], kinds: Sequence[str]) -> SetBackground:
@@ -369,7 +351,7 @@ def _read_kind(
     plain: str, every: Sequence[Named], situation: Situation, people: People
 ) -> tuple[Edit, ...] | None:
     """ "make the car a truck", "replace the bus with a motorcycle"."""
-    if not _BECOMES.search(plain) or not every:
+    if not _PATTERNS.becomes.search(plain) or not every:
         return None
     *earlier, last = every
     if last.det != "indefinite" or last.subtype not in VEHICLE_SIZES:
@@ -388,23 +370,18 @@ def _read_kind(
     return (ChangeAgent(node=node.model_copy(update={"subtype": _get_kind(last)})),)
 
 
-_TAKES_AWAY = compile_words("standing_edits.removes")
-_ANY_OBJECT = re.compile(r"\b(?:objects?|obstacles?|obstructions?|everything that stands)\b", re.I)
-_STATE = re.compile(r"\b(?:double[- ]?parked|parked|stalled|broken[- ]down|standing)\b", re.I)
-
-
 def _find_removed(words: str, situation: Situation) -> tuple[Edit, ...]:
     """The standing objects that the words take away; none if they say nothing of that kind."""
-    match = _TAKES_AWAY.match(" ".join(words.split()))
+    match = _PATTERNS.takes_away.match(" ".join(words.split()))
     objects = situation.graph.objects
     if match is None or not objects:
         return ()
     what = match["what"]
-    if _ANY_OBJECT.search(what):
+    if _PATTERNS.any_object.search(what):
         return tuple(RemoveObject(object=each.id) for each in objects)
     named = [each for each in objects if each.id in what or _names_object(each, what)]
     moving = {each.subtype for each in situation.present} & {find_subtype(what)} - {None}
-    if len(named) != 1 or (moving and not _STATE.search(what) and named[0].id not in what):
+    if len(named) != 1 or (moving and not _PATTERNS.state.search(what) and named[0].id not in what):
         return ()
     return (RemoveObject(object=named[0].id),)
 

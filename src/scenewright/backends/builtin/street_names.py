@@ -16,34 +16,29 @@ from typing import NamedTuple
 from rapidfuzz import fuzz
 
 from scenewright.backends.builtin.draft import Refused
-from scenewright.backends.builtin.reader.words import compile_words
+from scenewright.backends.builtin.reader.words import Patterns
 from scenewright.backends.builtin.rewritten import RewrittenText, replace_pieces
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import Choice, Clarification
 from scenewright.scene.streets import TYPES, expand_name
 
+_PATTERNS = Patterns("street_names")
+
 _MOST_READINGS = 24
 _BOTH = " and one from the "
-_TWO_ON = compile_words("street_names.two_on")
 _PLACES = ("entry", "exit", "crosswalk")
 _ALIKE = 88.0
 _COMPASS = r"(?:north|south)(?:east|west)?|east|west"
-_WORD = re.compile(r"[\w'’]+")
 _FROM = frozenset(("from", "off", "along", "down", "up", "via", "on", "in", "leaving", "exiting"))
 _TO = frozenset(("into", "onto", "to", "toward", "towards", "for"))
-_PART = compile_words("street_names.part")
 _BEFORE = re.compile(
     rf"(?:\bthe\s+)?(?:\b(?P<side>{_COMPASS})(?:ern)?(?:\s+(?:end|part|side) of)?\s+)?"
     r"(?:\bthe\s+)?$",
     re.IGNORECASE,
 )
-_PREPOSITION = re.compile(r"(?:\b(out)\s+)?\b(?P<word>[a-z]+)\s+$", re.IGNORECASE)
 _AFTER = re.compile(
     rf"\s*(?:\(\s*)?\b(?P<side>{_COMPASS})\b(?!\s*(?:bound|leg|crosswalk))\s*\)?", re.IGNORECASE
 )
-_PLACE = compile_words("street_names.place")
-_NAMED = compile_words("street_names.named", re.NOFLAG)
-_CROSSES_ON_FOOT = compile_words("street_names.crosses_on_foot")
 
 
 @dataclass(frozen=True)
@@ -100,7 +95,7 @@ def list_compass_texts(
     # Of two road users on a street of two legs there may also be one on each.
     legs = (
         (*m.legs, _BOTH.join(m.legs))
-        if len(m.legs) == 2 and _TWO_ON.search(text[: m.start])
+        if len(m.legs) == 2 and _PATTERNS.two_on.search(text[: m.start])
         else m.legs
         for m in found
     )
@@ -123,7 +118,7 @@ def ask_which_leg(text: str, mention: StreetMention) -> Clarification:
 def find_mentions(text: str, roads: Sequence[tuple[str, str]]) -> list[StreetMention]:
     """Where a text names streets of the map, in order; of names within names the longest."""
     streets = _name_streets(tuple(roads))
-    words = [(m.start(), m.end(), m[0]) for m in _WORD.finditer(text)]
+    words = [(m.start(), m.end(), m[0]) for m in _PATTERNS.word.finditer(text)]
     found: list[StreetMention] = list(_find_unspaced(text, streets.named))
     at = 0
     while at < len(words):
@@ -247,7 +242,7 @@ def _refuse_unknown(
 ) -> None:
     if not roads:
         return
-    for match in _NAMED.finditer(text):
+    for match in _PATTERNS.named.finditer(text):
         start, end = match.span("name")
         if any(mention.start < end and start < mention.end for mention in found):
             continue
@@ -282,22 +277,25 @@ def _rewrite_leg(
     beside = (
         re.match(r"\s*(?:and|&|/)\s*(?:the\s+)?$", text[end : later[0].start]) if later else None
     )
-    place = _PLACE.search(text[at:start])
+    place = _PATTERNS.place.search(text[at:start])
     joined = re.search(r"(?:and|&|/)\s*(?:the\s+)?$", text[at : mention.start])
     if place and beside:
         return at + place.start(), end, ""
     if joined and at > 0 and not text[at : joined.start()].strip():
         return at, end, ""
-    if part := _PART.match(text, end):
+    if part := _PATTERNS.part.match(text, end):
         owned = re.match(r"(?:'s|’s)", part[0])
         return start, end + (owned.end() if owned else 0), f"the {leg}"
-    lead = _PREPOSITION.search(text[at:start])
+    lead = _PATTERNS.preposition.search(text[at:start])
     word = lead["word"].lower() if lead else ""
     if lead and word == "of" and lead[1]:
         return at + lead.start(), end, f"from the {leg}"
     if lead and word in _TO:
         return at + lead.start(), end, f"to the {leg}"
-    on_foot = _CROSSES_ON_FOOT.search(text[:start].rsplit(" by ", 1)[-1]) and word in ("on", "at")
+    on_foot = _PATTERNS.crosses_on_foot.search(text[:start].rsplit(" by ", 1)[-1]) and word in (
+        "on",
+        "at",
+    )
     if lead and on_foot and _stands_last(text[:start]):
         return at + lead.start(), end, f"on the {leg} crosswalk"
     if lead and _BOTH in leg:
@@ -313,5 +311,5 @@ def _stands_last(text: str) -> bool:
         r"\b(?:car|van|truck|bus|taxi|vehicle|motorcycle|cyclist|scooter)\b", re.IGNORECASE
     )
     last = max((m.start() for m in drives.finditer(text)), default=-1)
-    found = _CROSSES_ON_FOOT.search(text)
+    found = _PATTERNS.crosses_on_foot.search(text)
     return found is not None and found.start() > last

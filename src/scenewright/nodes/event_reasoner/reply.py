@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from scenewright.errors import Rejected
-from scenewright.nodes.remaining import refuse_numbers
+from scenewright.nodes.remaining import list_unserved
 from scenewright.nodes.schema import (
     Schema,
     build_array,
@@ -27,7 +27,7 @@ from scenewright.scene.base import Model
 from scenewright.scene.behavior import AgentSummary, EventSummary, Segment
 from scenewright.scene.record import SegmentStatus
 from scenewright.scene.rejection import Rejection, RejectionCode
-from scenewright.scene.remaining import AddedStop, AddedStops, Unserved
+from scenewright.scene.remaining import AddedStop, AddedStops
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.track import STEP
 from scenewright.tools.segment_editor import compute_edited_motion
@@ -76,8 +76,10 @@ class StopsReply(Model):
             Rejected: `malformed_reply`, `unknown_anchor`: words of no number or of which nothing
                 is said, an agent or a place that is not there.
         """
-        served = [each.words for each in self.stops]
-        refuse_numbers([*served, *self.cannot], len(entries), stage="event_reasoner")
+        unserved = list_unserved(
+            [each.words for each in self.stops], self.cannot, entries,
+            stage="event_reasoner", note="no standstill shows this",
+        )  # fmt: skip
         known = {each.agent: [anchor.id for anchor in each.anchors] for each in agents}
         for each in self.stops:
             if each.agent not in known:
@@ -89,11 +91,7 @@ class StopsReply(Model):
                 AddedStop(entry=entries[each.words - 1], **each.model_dump(exclude={"words"}))
                 for each in self.stops
             ),
-            unserved=tuple(
-                Unserved(entry=entries[build_number - 1], note="no standstill shows this")
-                for build_number in dict.fromkeys(self.cannot)
-                if build_number not in served
-            ),
+            unserved=unserved,
         )
 
 

@@ -40,7 +40,7 @@ def render_edits_prompt(
 ) -> Prompt:
     """What a model is asked for edits, and the schema of its reply."""
     graph, others = situation.graph, _list_background(situation)
-    front = [each for each in situation.present if each.role == "foreground"]
+    front = situation.foreground
     relations = [
         each.model_dump(mode="json", by_alias=True, exclude_none=True) for each in graph.relations
     ]
@@ -81,7 +81,7 @@ def _describe_agent(agent: AgentView) -> str:
 def _list_background(situation: Situation) -> dict[str, str]:
     found: dict[str, str] = {}
     for kind in ("vehicle", "pedestrian"):
-        here = [e for e in situation.present if e.role == "background" and e.type == kind]
+        here = [agent for agent in situation.background if agent.type == kind]
         for each in here[: _LISTED[kind]]:
             found[each.id] = (
                 f"on the {each.crosswalk} crosswalk"
@@ -93,5 +93,4 @@ def _list_background(situation: Situation) -> dict[str, str]:
 
 def _count_background(situation: Situation) -> str:
     """How many others there are."""
-    back = [each.type for each in situation.present if each.role == "background"]
-    return f"{back.count('vehicle')} vehicles, {back.count('pedestrian')} pedestrians"
+    return ", ".join(f"{n} {kind}s" for kind, n in situation.count_background().items())

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import count, islice
+from itertools import islice
 from typing import Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from scenewright.backends.offline import build_clarification
-from scenewright.errors import Rejected
+from scenewright.errors import Rejected, describe_misfit
 from scenewright.nodes.scene_planner.reply import (
     TIME,
     build_manoeuvre_schema,
@@ -180,13 +180,11 @@ class EditsReply(Model):
 
 def list_new_ids(situation: Situation, words: str = "") -> list[str]:
     """Unused ids, the first of each class; of riders where the words speak of them."""
-    taken = {each.id for each in situation.present} | {e.id for e in situation.graph.agents}
     found: list[str] = []
     for kind in get_args(AgentClass):
         if kind in RIDERS and not speaks_of("riders", words):
             continue
-        free = (name for n in count(1) if (name := f"{kind}-{n}") not in taken)
-        found += islice(free, _NEW)
+        found += islice(situation.generate_ids(kind), _NEW)
     return found
 
 
@@ -305,9 +303,7 @@ class _ReplyReader:
         try:
             made = self._build_edits(line)
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise _build_rejection(f"{line.edit}: {where}: {first['msg']}") from error
+            raise _build_rejection(f"{line.edit}: {describe_misfit(error)}") from error
         for edit in made:
             graph = apply_edits(self._graph, (edit,))
             if not (isinstance(edit, _IN_GRAPH) and graph == self._graph):
@@ -355,7 +351,7 @@ class _ReplyReader:
         if line.type != "none":
             fields = line.model_dump(by_alias=True, exclude={"edit"}, exclude_none=True)
             return Relate(edge=RelationEdge.model_validate(fields))
-        if not any({each.from_, each.to} == {first, second} for each in self._graph.relations):
+        if all(edge.pair != {first, second} for edge in self._graph.relations):
             raise _build_rejection(f"nothing happens between {first} and {second} as it is")
         return Unrelate(first=first, second=second)
 

@@ -67,7 +67,7 @@ def _let_strike(edge: RelationEdge, plan: SocialGraph) -> RelationEdge:
     pattern = next((each for each in load_patterns() if each.id == edge.pattern), None)
     if pattern is None:
         return strikes
-    kinds = {name: plan.agent(name).type for name in (edge.from_, edge.to)}
+    kinds = {name: plan.agent(name).type for name in edge.pair}
     orders = ((edge.from_, edge.to), (edge.to, edge.from_))
     played = (
         o for o in orders if pattern.from_.admits(kinds[o[0]]) and pattern.to.admits(kinds[o[1]])
@@ -79,12 +79,12 @@ def _let_strike(edge: RelationEdge, plan: SocialGraph) -> RelationEdge:
 
 def _find_words(edge: RelationEdge, plan: SocialGraph, text: str) -> SaidSpan | None:
     """The words that say who strikes in the collision; None where none do."""
-    pair = {edge.from_, edge.to}
-    walks = any(plan.agent(name).type == "pedestrian" for name in pair)
+    walks = any(plan.agent(name).type == "pedestrian" for name in edge.pair)
     with_front = edge.point_from is None or edge.point_from.startswith("front")
     if edge.type != "collide_at" or edge.strikes is not None or walks or not with_front:
         return None
-    words = (each for each in plan.said if each.became == "relation" and set(each.agents) == pair)
+    said = (each for each in plan.said if each.became == "relation")
+    words = (each for each in said if edge.pair == set(each.agents))
     for each in words:
         mutual = _MUTUAL.match(text[each.start : each.end + len(" involving")])
         mended = " ".join(token.text for token in read_tokens(each.words))

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from scenewright.errors import Rejected
-from scenewright.nodes.remaining import refuse_numbers
+from scenewright.nodes.remaining import list_unserved
 from scenewright.nodes.schema import (
     Schema,
     build_array,
@@ -28,7 +28,7 @@ from scenewright.scene.constraints import (
     UnaryClause,
 )
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.remaining import AddedClause, AddedClauses, Unserved
+from scenewright.scene.remaining import AddedClause, AddedClauses
 from scenewright.tools.dsl_validator.parse import MAX_CLAUSES, format_clause
 
 _SERVES: dict[str, tuple[str, ...]] = {
@@ -93,32 +93,26 @@ class ClausesReply(Model):
             Rejected: `malformed_program`: a clause that is not offered, words of no number, or
                 words of which the reply says nothing.
         """
-        served = [each.words for each in self.clauses]
-        refuse_numbers([*served, *self.cannot], len(entries), stage="waypoint_filter")
+        unserved = list_unserved(
+            [each.words for each in self.clauses], self.cannot, entries,
+            stage="waypoint_filter", note="no clause can hold this",
+        )  # fmt: skip
         known = {agent["id"] for agent in agents}
         for clause in (each.clause for each in self.clauses):
             said, unary = format_clause(clause), isinstance(clause, UnaryClause)
-            named = (
-                (clause.agent,)
-                if isinstance(clause, UnaryClause)
-                else (clause.first, clause.second)
-            )
+            named = _list_agents(clause)
             if not known.issuperset(named):
                 raise _build_rejection((), f"{said}: agents are {', '.join(sorted(known))}")
             bound = [each for each in relations if {each["from"], each["to"]} == set(named)]
             kinds = {kind for each in bound for kind in _OFFERED[each["type"]]}
             if clause.clause not in (_ALONE if unary else kinds):
-                raise _build_rejection(tuple(map(str, named)), f"{said} is not offered")
+                raise _build_rejection(named, f"{said} is not offered")
         return AddedClauses(
             clauses=tuple(
                 AddedClause(entry=entries[each.words - 1], clause=each.clause)
                 for each in self.clauses
             ),
-            unserved=tuple(
-                Unserved(entry=entries[build_number - 1], note="no clause can hold this")
-                for build_number in dict.fromkeys(self.cannot)
-                if build_number not in served
-            ),
+            unserved=unserved,
         )
 
 
@@ -197,10 +191,15 @@ def select_clauses(
     return ConstraintProgram(clauses=tuple(kept))
 
 
-def _get_subject(clause: Clause) -> tuple[str, frozenset[str]]:
+def _list_agents(clause: Clause) -> tuple[str, ...]:
+    """The agents that a clause names."""
     if isinstance(clause, UnaryClause):
-        return clause.clause, frozenset({clause.agent})
-    return clause.clause, frozenset({clause.first, clause.second or clause.first})
+        return (clause.agent,)
+    return (clause.first,) if clause.second is None else (clause.first, clause.second)
+
+
+def _get_subject(clause: Clause) -> tuple[str, frozenset[str]]:
+    return clause.clause, frozenset(_list_agents(clause))
 
 
 def ground_program(program: ConstraintProgram, pool: CandidateSet) -> ConstraintProgram:
@@ -221,14 +220,10 @@ def refuse_strangers(program: ConstraintProgram, pool: CandidateSet) -> None:
         Rejected: `malformed_program`, naming the clause and the agent.
     """
     for clause in program.clauses:
-        named = (
-            (clause.agent,) if isinstance(clause, UnaryClause) else (clause.first, clause.second)
-        )
-        for name in named:
-            if name is not None and name not in pool.agents:
-                raise _build_rejection(
-                    (name,), f"{format_clause(clause)}: there is no {name} in the scene"
-                )
+        for name in _list_agents(clause):
+            if name not in pool.agents:
+                said = format_clause(clause)
+                raise _build_rejection((name,), f"{said}: there is no {name} in the scene")
 
 
 def refuse_unserved(program: ConstraintProgram, relations: Sequence[Mapping[str, Any]]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 from scenewright.backends.builtin.draft import (
     AgentDraft,
@@ -16,9 +17,12 @@ from scenewright.backends.builtin.draft import (
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.measures import parse_range
 from scenewright.backends.builtin.reader.reading import ReadSpan
-from scenewright.backends.builtin.reader.words import compile_words
+from scenewright.backends.builtin.reader.words import Patterns
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.measures import MOST_OF_CLASS, UNITS, MeasureKind
+from scenewright.scene.social import RelationType
+
+_PATTERNS = Patterns("asked_numbers")
 
 NUMBERS = ("speed", "headway", "gap", "dist", "wait", "when", "decel", "accel", "point")
 """Tags whose words give a figure."""
@@ -28,19 +32,12 @@ _KIND_OF: dict[str, MeasureKind] = {
     "when": "time", "decel": "braking", "accel": "acceleration", "point": "front_point",
     "pet": "pet", "ttc": "ttc", "impact": "contact_speed",
 }  # fmt: skip
-_NEEDS = {
-    "speed": "m/s", "line_speed": "m/s", "contact_speed": "m/s", "braking": "m/s2",
-    "acceleration": "m/s2", "headway": "s", "gap": "m", "pet": "s", "ttc": "s", "time": "s",
-    "wait": "s", "line_distance": "m",
-}  # fmt: skip
 _MOST = MOST_OF_CLASS | {
     "vehicle": {"braking": 8.0},
     "pedestrian": MOST_OF_CLASS["pedestrian"] | {"speed": 3.0, "line_speed": 3.0},
 }
 """The most that words ask of a class; a plan file may have people run faster."""
 
-_FAST = compile_words("asked_numbers.fast")
-_SLOW = compile_words("asked_numbers.slow")
 _PACES: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
     "vehicle": ((2.5, 6.5), (11.7, 16.0)),
     "pedestrian": ((0.6, 1.15), (2.05, 3.0)),
@@ -49,8 +46,7 @@ _PACES: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
 }
 """Kept speeds of slow and of fast agents of a class [m/s]; a fast vehicle exceeds 25 mph."""
 
-_EVENTS = ("collide_at", "near_miss", "yield_to", "follow")
-_EVENTS_OF: dict[str, tuple[str, ...]] = {
+_EVENTS_OF: dict[str, tuple[RelationType, ...]] = {
     "headway": ("follow",),
     "gap": ("follow",),
     "contact_speed": ("collide_at",),
@@ -59,22 +55,19 @@ _EVENTS_OF: dict[str, tuple[str, ...]] = {
 }
 """Relations whose figure a kind is; any, where it is not here."""
 
+
+def list_measured_relations(kind: MeasureKind) -> tuple[RelationType, ...]:
+    """The relations that have such a figure."""
+    if "_point" in kind:
+        return ("collide_at",)
+    return _EVENTS_OF.get(kind, get_args(RelationType))
+
+
 _SEVERITY = ("contact_speed", "pet", "ttc")
 """Kinds for which a relation has a field of its own, where the text gives a plain number."""
 
 _NEAR = 26
 """Characters before and after a figure in which words belong to it."""
-
-_RELATIVE = re.compile(
-    r"^\D*\d[\d.,]*\D{1,12}\b(?:slower|faster|less|more)\b(?! than)", re.IGNORECASE
-)
-"""A figure that says how far from another one, which nothing here knows: "20 km/h slower"."""
-
-_TAIL = re.compile(r"[^,;.()]*$")
-_INTO = compile_words("asked_numbers.into")
-_LEFT = re.compile(r"from (?:the|its) left|left[- ]hand", re.IGNORECASE)
-_RIGHT = re.compile(r"from (?:the|its) right|right[- ]hand", re.IGNORECASE)
-_SIDE = re.compile(r"\b(?:side|flank|length|doors?)\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -97,25 +90,30 @@ def read_number(
         Refused: a figure that no scene can have, with the most that it can.
     """
     if span.tag not in _KIND_OF:
-        timed = [id(each.agent) for each in draft.measures if each.kind == "speed"]
-        own = (users[n] for n in span.subjects if n in users and id(users[n]) not in timed)
-        fast = bool(_FAST.search(span.words))
+        timed = [measure.agent for measure in draft.measures if measure.kind == "speed"]
+        agents = (users[n] for n in span.subjects if n in users and users[n] not in timed)
+        fast = bool(_PATTERNS.fast.search(span.words))
         return AskedNumber(
-            tuple(MeasureDraft("speed", a, None, *_PACES[a.type][fast]) for a in own)
+            tuple(MeasureDraft("speed", a, None, *_PACES[a.type][fast]) for a in agents)
         )
     # What stands before the words in their own clause, and touches them.
-    tail = _TAIL.search(text[max(0, span.start - _NEAR) : span.start])
-    touching = _TOUCHES.search(tail[0]) if tail else None
+    tail = _PATTERNS.tail.search(text[max(0, span.start - _NEAR) : span.start])
+    touching = _PATTERNS.touches.search(tail[0]) if tail else None
     before = touching[0] if touching else ""
     unit = parse_range(span.words, before, 0.0)
     after = text[span.end : span.end + _NEAR].partition(",")[0]
     kind = _find_kind(span, users, spans, after)
-    about = [users[n] for n in (*span.subjects, *span.objects) if n in users]
+    about = [users[n] for n in span.users if n in users]
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft, about)
-    named = [s.start for s in spans if s.tag in ("ref", *MENTIONS)]
+    named = [other.start for other in spans if other.names_user]
     # "2 m from a cyclist" is a distance to the road user named right after it.
     elsewhere = span.tag == "dist" and any(0 <= start - span.end <= 1 for start in named)
-    if span.negated or kind is None or elsewhere or _RELATIVE.search(f"{span.words}{after}"):
+    if (
+        span.negated
+        or kind is None
+        or elsewhere
+        or _PATTERNS.relative.search(f"{span.words}{after}")
+    ):
         return None
     found = parse_range(span.words, before, UNITS[kind].tolerance)
     if found is None:
@@ -136,11 +134,9 @@ def says_pace(span: ReadSpan) -> bool:
     """Whether the words ask for a fast or a slow agent: "speeding", "a slow van"."""
     if span.tag not in ("pace", "follow", "red", "left", "right", "straight", *MENTIONS):
         return False
-    return not span.negated and bool(_FAST.search(span.words)) != bool(_SLOW.search(span.words))
-
-
-_TOUCHES = compile_words("asked_numbers.touches")
-"""Words of a bound that a figure may follow."""
+    return not span.negated and bool(_PATTERNS.fast.search(span.words)) != bool(
+        _PATTERNS.slow.search(span.words)
+    )
 
 
 def _find_kind(
@@ -150,23 +146,23 @@ def _find_kind(
     kind = _KIND_OF.get(span.tag)
     if span.tag == "point":
         words = f"{span.words}{after}"
-        if _SIDE.search(words) and not re.search("front|width", words.lower()):
+        if _PATTERNS.side.search(words) and not re.search("front|width", words.lower()):
             return "side_point"
-        if _LEFT.search(words):
+        if _PATTERNS.left.search(words):
             return "front_point_left"
-        return "front_point_right" if _RIGHT.search(words) else "front_point"
-    if span.tag in ("wait", "when") and _INTO.search(f"{span.words}{after}"):
+        return "front_point_right" if _PATTERNS.right.search(words) else "front_point"
+    if span.tag in ("wait", "when") and _PATTERNS.into.search(f"{span.words}{after}"):
         return "time"
     if span.tag != "speed":
         return kind
     before = [s for s in spans if s.start < span.start and not s.negated]
-    near = next((s for s in reversed(before) if s.tag in ("red", "ref", *MENTIONS)), None)
-    own = set(span.subjects)
+    near = next((s for s in reversed(before) if s.tag == "red" or s.names_user), None)
+    said_of = set(span.subjects)
     if near is not None and near.tag == "red":
         return "line_speed"
-    hits = [s for s in before if s.tag == "hit" and own and own <= set(s.subjects)]
+    hits = [s for s in before if s.tag == "hit" and said_of and said_of <= set(s.subjects)]
     met = near is not None and bool(hits) and set(near.subjects) <= set(hits[-1].objects)
-    drives = all(users[n].type == "vehicle" for n in own if n in users)
+    drives = all(users[n].type == "vehicle" for n in said_of if n in users)
     return "contact_speed" if met and drives else kind
 
 
@@ -185,8 +181,6 @@ def _fit_unit(
     """
     theirs = [e for e in draft.relations if e.from_ in about and e.to in about] or draft.relations
     follows = bool(theirs) and all(map(_is_in_lane, theirs))
-    if kind.endswith("_point") or "_point_" in kind:
-        return kind if unit == "%" else None
     if kind in ("headway", "gap"):
         if unit == "m":
             return "gap" if follows else None
@@ -195,7 +189,7 @@ def _fit_unit(
         return "gap"
     if unit == "" and kind in ("pet", "ttc"):
         return kind
-    return kind if unit == _NEEDS[kind] else None
+    return kind if unit == UNITS[kind].unit else None
 
 
 def _find_ends(
@@ -215,7 +209,7 @@ def _find_ends(
         return
     relation = _find_relation(kind, span, draft, subjects, users, spans)
     if relation is not None:
-        first, second = relation.from_, relation.to
+        first, second = relation.ends
         strikes = first.type == "vehicle" or second.type != "vehicle"
         turned = kind == "side_point" or ("_point" in kind and subjects[:1] == [second])
         turned = turned or (
@@ -234,19 +228,19 @@ def _find_relation(
     spans: Sequence[ReadSpan],
 ) -> RelationDraft | None:
     """The event whose figure it is: of the agents named, else the last one described before."""
-    wanted = ("collide_at",) if "_point" in kind else _EVENTS_OF.get(kind, tuple(_EVENTS))
+    wanted = list_measured_relations(kind)
     spaced = kind in ("headway", "gap")
     fitting = [e for e in draft.relations if e.type in wanted or (spaced and _is_in_lane(e))]
-    named = [e for e in fitting if any(a in (e.from_, e.to) for a in subjects)] if subjects else []
+    named = [e for e in fitting if any(a in e.ends for a in subjects)] if subjects else []
     named = named or fitting
     if len(named) <= 1:
         return named[0] if named else None
     earlier = [s for s in spans if s.tag in EVENTS and s.start < span.start]
     for event in reversed(earlier):
-        pair = {id(users[n]) for n in (*event.subjects, *event.objects) if n in users}
-        found = [each for each in named if each.pair() <= pair]
-        if found:
-            return found[-1]
+        pair = {users[n] for n in event.users if n in users}
+        theirs = [relation for relation in named if relation.pair <= pair]
+        if theirs:
+            return theirs[-1]
     return None
 
 

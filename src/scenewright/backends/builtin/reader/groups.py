@@ -7,14 +7,15 @@ from dataclasses import replace
 
 from scenewright.backends.builtin.reader.annotation import EVENTS
 from scenewright.backends.builtin.reader.numbers import count_in
-from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import WORDS, compile_words
+from scenewright.backends.builtin.reader.reading import RULE_CONFIDENCE, Reading, ReadSpan
+from scenewright.backends.builtin.reader.words import WORDS, Patterns
+
+_PATTERNS = Patterns("groups")
 
 GROUP = "group of "
 """How the value of a mention begins that introduces a group."""
 
 MOST_MEMBERS = 8
-_KNOWN = 0.9
 _PERSON: str = WORDS["groups"]["person"]
 _TWO = re.compile(
     rf"\bcouples?\b(?! of)|\bpair\b|\bduo\b|\b{_PERSON} (?:with|and) "
@@ -22,11 +23,8 @@ _TWO = re.compile(
     r"(?:child|kid|son|daughter|toddler|baby|pupil|friend|boy|girl)\b",
     re.IGNORECASE,
 )
-_GROUP = re.compile(r"\b(?:group|party|crowd|bunch|trio|gang|team) of\b", re.IGNORECASE)
 _UNCOUNTED = {"class": 6, "family": 4, "group": 4}
 """How many they are where no number is said."""
-_KINDS = re.compile(r"\b(class|family|group)\b", re.IGNORECASE)
-_TOGETHER = compile_words("groups.together")
 
 
 def join_groups(reading: Reading) -> Reading:
@@ -42,10 +40,10 @@ def _count_members(span: ReadSpan, text: str) -> int | None:
     """How many walk together; None for one alone, or several each on its own."""
     if _TWO.search(span.words):
         return 2
-    kind = _KINDS.search(span.words)
-    if kind or _GROUP.search(span.words):
+    kind = _PATTERNS.kinds.search(span.words)
+    if kind or _PATTERNS.group.search(span.words):
         return count_in(span.words) or (_UNCOUNTED[kind[1].lower()] if kind else None)
-    if len(span.subjects) > 1 and _TOGETHER.search(text):
+    if len(span.subjects) > 1 and _PATTERNS.together.search(text):
         return len(span.subjects)
     return None
 
@@ -59,7 +57,7 @@ def _join(reading: Reading, group: ReadSpan, count: int) -> Reading:
             subjects=_drop_users(span.subjects, first, others),
             objects=_drop_users(span.objects, first, others),
             value=f"{GROUP}{count}" if span is group else span.value,
-            confidence=max(span.confidence, _KNOWN) if span is group else span.confidence,
+            confidence=max(span.confidence, RULE_CONFIDENCE) if span is group else span.confidence,
         )
         for span in reading.spans
     )
@@ -71,12 +69,6 @@ def _drop_users(users: tuple[int, ...], first: int, others: list[int]) -> tuple[
     return tuple(dict.fromkeys(first if user in others else user for user in users))
 
 
-_FEW = compile_words("groups.few")
-"""Words for a few road users, which are made three: "several", "a number of"."""
-
-_COUNTED_ELSEWHERE = compile_words("groups.counted_elsewhere")
-"""The number is said apart from the noun: "teenagers cross in a group of three", "one of them"."""
-
 _TAKES_PART = (*EVENTS, "lane", "meet", "cross", "jay", "cw", "red")
 
 
@@ -86,13 +78,13 @@ def count_plurals(reading: Reading) -> Reading:
     Plurals that take no part in anything say what traffic there is, and stay as they are, as do
     those of a text that says their number elsewhere.
     """
-    if _COUNTED_ELSEWHERE.search(reading.text):
+    if _PATTERNS.counted_elsewhere.search(reading.text):
         return reading
     for user, at in list(reading.users.items()):
         span = reading.spans[at]
         if span.value == "many" and not span.negated and takes_part(user, reading):
             first = max(reading.users) + 1
-            others = range(first, first + (2 if _FEW.search(span.words) else 1))
+            others = range(first, first + (2 if _PATTERNS.few.search(span.words) else 1))
             reading = _split(reading, user, tuple(others))
     return reading
 
@@ -100,7 +92,7 @@ def count_plurals(reading: Reading) -> Reading:
 def takes_part(user: int, reading: Reading) -> bool:
     """Whether the text says what a road user does."""
     return any(
-        span.tag in _TAKES_PART and not span.negated and user in (*span.subjects, *span.objects)
+        span.tag in _TAKES_PART and not span.negated and user in span.users
         for span in reading.spans
     )
 

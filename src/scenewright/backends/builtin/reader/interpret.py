@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 from scenewright.backends.builtin.clock import is_pronoun, read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
@@ -34,7 +35,7 @@ from scenewright.backends.builtin.reader.numbers import TO_TWENTY, number_in
 from scenewright.backends.builtin.reader.orders import has_order_words
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.words import (
-    compile_words,
+    Patterns,
     find_class,
     find_subtype,
     time_words_in,
@@ -49,6 +50,8 @@ from scenewright.scene.social import (
     MOST_BACKGROUND,
     RelationType,
 )
+
+_PATTERNS = Patterns("interpret")
 
 RELATIONS = {"hit": "collide_at", "near": "near_miss", "yield": "yield_to", "follow": "follow"}
 _RELATIVE = {
@@ -72,39 +75,7 @@ _BEYOND = {
     "first": "the order of passing cannot be asked for",
 }  # fmt: skip
 
-_LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?:/?[Bb])?(?![A-Za-z'’])")
-_NAME = re.compile(r"(?<![a-z])(north|south|east|west)(?:-?(east|west))?", re.IGNORECASE)
 _INITIAL = {"n": "north", "e": "east", "s": "south", "w": "west"}
-_MARKED = re.compile(r"walk|zebra|crossing|\bcw\b|xing", re.IGNORECASE)
-_NONE_AT_ALL = compile_words("interpret.none_at_all")
-_NOT_ONE = re.compile(r"\bnot (?:a|an|one|any)\b|\bn't (?:a|any)\b", re.IGNORECASE)
-_TOO_LATE = compile_words("interpret.too_late")
-_ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
-_STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
-_SECONDS_BEFORE = re.compile(r"\d ?(?:s|secs?|seconds?) before (?:the )?$", re.IGNORECASE)
-"""What stands right before "impact" where that only says when."""
-_TURN_CRASH = re.compile(r"\b(left|right)[- ](?:turn|cross)(?: across path)? $", re.IGNORECASE)
-"""What stands right before "collision" where it is that of a turn across the way of another."""
-_HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
-_STOPS = re.compile(r"\b(?:stop|halt|wait)|\bpulls? up\b", re.IGNORECASE)
-_HAND_SIDE = re.compile(r"\b(?:left|right)[- ]hand side\b", re.IGNORECASE)
-"""The side from which a road user comes, not a part of a vehicle."""
-_NOBODY = compile_words("interpret.nobody")
-_CORNER = re.compile(r"corner|sidewalk|pavement|footpath|footway|kerb|curb", re.IGNORECASE)
-_SIDEWALK = re.compile(r"sidewalk|pavement|footpath|kerb|curb", re.IGNORECASE)
-_BOUND = re.compile(r"\b(north|south|east|west)[- ]?bound\b|\b([NESW])/?B\b", re.IGNORECASE)
-_TURNING = re.compile(r"\b(left|right)[- ]?turn(?:ing|er|s)?\b|\b([LR])T\b", re.IGNORECASE)
-_THROUGH = compile_words("interpret.through")
-_OWN_SIDE = compile_words("interpret.own_side")
-_FAR_SIDE = compile_words("interpret.far_side")
-_THAT_LEG = compile_words("interpret.that_leg")
-_CLAUSE = re.compile(r"[^.,;:]{0,40}?(?=[.,;:]| and | but |$)")
-_TO_NOBODY = re.compile(r"\b(?:nobody|no[- ]?one)\b", re.IGNORECASE)
-_BEHIND = compile_words("interpret.behind")
-_UNTIL = re.compile(r"\b(?:until|till|before)$", re.IGNORECASE)
-_ONCOMING = re.compile(r"\boncoming\b|\bopposing\b", re.IGNORECASE)
-_CROSSES = re.compile(r"\bcross(?:es|ing|ed)?\b", re.IGNORECASE)
-_JAYWALKER = re.compile(r"jay-?walk", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -165,15 +136,25 @@ class Interpretation:
         """Add what a span became to the account."""
         self.entries.append(AccountEntry(span, became, tuple(users), value, note))
 
+    def find_users(self, numbers: Iterable[int]) -> list[tuple[int, AgentDraft]]:
+        """The road users of these numbers that are in the scene, each with its number."""
+        return [(number, self.users[number]) for number in numbers if number in self.users]
+
     def list_agents(self, numbers: Iterable[int]) -> list[AgentDraft]:
         """The road users of these numbers that are in the scene."""
-        return [self.users[number] for number in numbers if number in self.users]
+        return [agent for _, agent in self.find_users(numbers)]
 
-    def build_account(self, names: dict[int, str], offset: int = 0) -> tuple[SaidSpan, ...]:
+    def list_numbers(self, agents: Collection[AgentDraft]) -> list[int]:
+        """The numbers of these road users."""
+        return [number for number, agent in self.users.items() if agent in agents]
+
+    def build_account(
+        self, names: Mapping[AgentDraft, str], offset: int = 0
+    ) -> tuple[SaidSpan, ...]:
         """The account with agents by name.
 
         Args:
-            names: id of a draft -> name in the social graph.
+            names: of the agents in the social graph.
             offset: where the instruction begins in the text that was read; what comes before it
                 belongs to an earlier instruction.
         """
@@ -184,9 +165,7 @@ class Interpretation:
                 words=each.span.words,
                 became=each.became,
                 agents=tuple(
-                    names[id(self.users[number])]
-                    for number in each.users
-                    if number in self.users and id(self.users[number]) in names
+                    names[agent] for agent in self.list_agents(each.users) if agent in names
                 ),
                 value="; ".join(
                     format_measure(measure)
@@ -243,12 +222,7 @@ _DRIVEN = ("from", "to", "heading", "left", "right", "straight", "uturn", "red")
 
 def _introduce_drafts(result: Interpretation, reading: Reading) -> None:
     """A draft for every road user; those of other classes are refused by name."""
-    eventful = {
-        user
-        for span in reading.spans
-        if span.tag in EVENTS
-        for user in (*span.subjects, *span.objects)
-    }
+    eventful = {user for span in reading.spans if span.tag in EVENTS for user in span.users}
     for number, index in reading.users.items():
         span = reading.spans[index]
         if span.tag not in MENTIONS:
@@ -284,13 +258,9 @@ _CLASSES: dict[str, AgentClass] = {
 }  # fmt: skip
 
 
-_NO_BICYCLE = re.compile(r"rickshaw|pedicab|unicycl|velomobile|handcart|quad", re.IGNORECASE)
-_NO_SCOOTER = compile_words("interpret.no_scooter")
-
-
 def _get_class(span: ReadSpan) -> AgentClass | None:
     """The class that a mention introduces; None where agents of its kind are not modelled."""
-    unknown = {"cyc": _NO_BICYCLE, "scoot": _NO_SCOOTER}.get(span.tag)
+    unknown = {"cyc": _PATTERNS.no_bicycle, "scoot": _PATTERNS.no_scooter}.get(span.tag)
     return None if unknown and unknown.search(span.words) else _CLASSES.get(span.tag)
 
 
@@ -319,29 +289,31 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
     """What a mention says of the way by itself: "a northbound car", "the oncoming left-turner"."""
     agent = result.users[number]
     if agent.type == "pedestrian":
-        if _JAYWALKER.search(span.words):
+        if _PATTERNS.jaywalker.search(span.words):
             agent.movement = "jaywalking"
             result.enter(span, "movement", (number,), agent.movement)
         return
-    if match := _BOUND.search(span.words):
+    if match := _PATTERNS.bound.search(span.words):
         bound = match[1].lower() if match[1] else _INITIAL[match[2].lower()]
         agent.entry = OPPOSITE[bound]
         result.enter(span, "entry", (number,), agent.entry)
     words = result.text[max(0, span.start - 6) : span.start] + span.words
-    turn = "straight" if _THROUGH.search(words) else None
-    if match := _TURNING.search(words):  # "left-turner", "thru vehicle"
+    turn = "straight" if _PATTERNS.through.search(words) else None
+    if match := _PATTERNS.turning.search(words):  # "left-turner", "thru vehicle"
         turn = "right" if (match[1] or match[2]).lower().startswith("r") else "left"
     if turn is not None:
         agent.movement = turn
         result.enter(span, "movement", (number,), turn)
-    if _ONCOMING.search(span.words):
+    if _PATTERNS.oncoming.search(span.words):
         agent.relatives.append(("opposite", None))
         result.enter(span, "tie", (number,), "opposite")
 
 
 def _read_yield(result: Interpretation, span: ReadSpan) -> None:
     """ "Lets nobody go first" is no yield;  "does not move until" is one."""
-    turned = (_UNTIL if span.negated else _TO_NOBODY).search(span.words) is not None
+    turned = (_PATTERNS.until if span.negated else _PATTERNS.to_nobody).search(
+        span.words
+    ) is not None
     _relate(result, replace(span, negated=span.negated != turned))
 
 
@@ -353,6 +325,11 @@ def _note(became: Became) -> Rule:
 def _keep(held: str) -> Rule:
     """The rule for spans that are read once all that happens is known (`_settle`)."""
     return lambda result, span: getattr(result, held).append(span)
+
+
+def _unless_denied(rule: Rule) -> Rule:
+    """The rule, with denied spans kept until all that happens is known."""
+    return lambda result, span: (_keep("denied") if span.negated else rule)(result, span)
 
 
 def _refer(result: Interpretation, span: ReadSpan) -> None:
@@ -383,20 +360,19 @@ def _settle_places(result: Interpretation) -> None:
         if pattern.zone == "sidewalk" and any(e.type == pattern.relation for e in walking)
     }
     for span in result.places:
-        if not known or not _CORNER.search(span.words):
+        if not known or not _PATTERNS.corner.search(span.words):
             raise Refused(
                 "out_of_scope",
                 f"Scenes take place at one intersection, not at '{span.words}'; move it there.",
             )
         for edge in walking:
             edge.pattern = known.get(edge.type)
-            pair = [n for n, agent in result.users.items() if agent in (edge.from_, edge.to)]
-            result.enter(span, "relation", pair, edge.type)
+            result.enter(span, "relation", result.list_numbers(edge.ends), edge.type)
     result.places = []
 
 
 def _leave_out(result: Interpretation, span: ReadSpan) -> None:
-    if span.tag == "act" and _SIDEWALK.search(span.words) and not span.negated:
+    if span.tag == "act" and _PATTERNS.sidewalk.search(span.words) and not span.negated:
         raise Refused(
             "impossible",
             f"Vehicles stay on the road here ('{span.words}'); move the vehicle to the road.",
@@ -408,10 +384,6 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
 def _leave_out_act(result: Interpretation, span: ReadSpan) -> None:
     """What no agent can do, or nothing is there to do it to."""
     _leave_out(result, replace(span, tag="act"))
-
-
-_OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|buzz", re.IGNORECASE)
-_CLOSELY = re.compile(r"clos|tight|narrow|inch|whisker|squeez|brush|buzz|too near", re.IGNORECASE)
 
 
 def _read_overtaking(result: Interpretation) -> None:
@@ -427,14 +399,16 @@ def _read_overtaking(result: Interpretation) -> None:
     within = any(each and each.unit == "m" and each.value < _CLOSE_CLEARANCE for each in near)
     edge = RelationDraft("near_miss", agents[0], agents[1]) if not result.eventful else None
     edge = relations[0] if [each.type for each in relations] == ["near_miss"] else edge
-    if edge is None or not (_OVERTAKES.search(text) and (within or _CLOSELY.search(text))):
+    if edge is None or not (
+        _PATTERNS.overtakes.search(text) and (within or _PATTERNS.closely.search(text))
+    ):
         return
     edge.pattern = "rider_close_overtaking"
     _add_relation(result, edge)
     for n, entry in enumerate(result.entries):
-        if entry.became == "nothing" and _OVERTAKES.search(entry.span.words):
-            pair = [k for k, agent in result.users.items() if agent in agents]
-            result.entries[n] = AccountEntry(entry.span, "relation", tuple(pair), "near_miss")
+        if entry.became == "nothing" and _PATTERNS.overtakes.search(entry.span.words):
+            pair = tuple(result.list_numbers(agents))
+            result.entries[n] = AccountEntry(entry.span, "relation", pair, "near_miss")
 
 
 _CLOSE_CLEARANCE = 1.5
@@ -443,13 +417,13 @@ _CLOSE_CLEARANCE = 1.5
 
 def get_side(span: ReadSpan) -> str | None:
     """The compass name in the words of a span, else the one that the encoder sees there."""
-    names = [(m[1] + (m[2] or "")).lower() for m in _NAME.finditer(span.words)]
+    names = [(m[1] + (m[2] or "")).lower() for m in _PATTERNS.name.finditer(span.words)]
     if len(names) == 2 and span.tag == "cw":  # from corner to corner: the side that both share
         shared = [side for side in _INITIAL.values() if all(side in name for name in names)]
         names = shared if len(shared) == 1 else names
     if names:
         return names[0]
-    if match := _LETTER.search(span.words):
+    if match := _PATTERNS.letter.search(span.words):
         return _INITIAL[match[1].lower()]
     return _INITIAL[span.side.lower()] if span.side else None
 
@@ -483,31 +457,27 @@ def _put(result: Interpretation, agent: AgentDraft, name: str, value: str, words
 
 def _place(result: Interpretation, span: ReadSpan) -> None:
     """Where agents come from, go to, head, or cross."""
-    if span.negated:
-        result.denied.append(span)
-        return
     if span.value in _RELATIVE:
         _place_relatively(result, span)
         return
     side = _get_leg(result, span)
     if side is None:
         return
-    for number in (each for each in span.subjects if each in result.users):
-        agent, own = result.users[number], side
-        walks = agent.walks
+    for number, agent in result.find_users(span.subjects):
+        leg, walks = side, agent.walks
         name: Became = "exit" if span.tag == "to" else "entry"
         if span.tag == "cw" and (walks or agent.rides):
             name = "crosswalk"
             agent.movement = agent.movement or "crossing"
-            agent.marked = agent.marked or _MARKED.search(span.words) is not None
+            agent.marked = agent.marked or _PATTERNS.marked.search(span.words) is not None
         elif span.tag == "heading" and (walks or agent.entry not in (None, OPPOSITE[side])):
             name = "exit"
             if walks and agent.entry is None:
                 agent.entry = OPPOSITE[side]
         elif span.tag == "heading":
-            own = OPPOSITE[side]
-        _put(result, agent, name, own, span.words)
-        result.enter(span, name, (number,), own)
+            leg = OPPOSITE[side]
+        _put(result, agent, name, leg, span.words)
+        result.enter(span, name, (number,), leg)
 
 
 def _get_leg(result: Interpretation, span: ReadSpan) -> str | None:
@@ -532,11 +502,10 @@ def _get_leg(result: Interpretation, span: ReadSpan) -> str | None:
 
 def _is_street_like(words: str) -> bool:
     """Whether some words are the name of a street: "Elm Road", not "the road"."""
-    return _STREET.search(words) is not None and _BARE_ROAD.match(words.strip()) is None
-
-
-_STREET = compile_words("streets.named")
-_BARE_ROAD = compile_words("streets.bare_road")
+    return (
+        _PATTERNS.street.search(words) is not None
+        and _PATTERNS.bare_road.match(words.strip()) is None
+    )
 
 
 def _read_road(result: Interpretation, span: ReadSpan) -> None:
@@ -549,7 +518,7 @@ def _read_road(result: Interpretation, span: ReadSpan) -> None:
 
 def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
     word = _RELATIVE[str(span.value)]
-    struck = _STRUCK_SIDE.search(_HAND_SIDE.sub("", span.words))
+    struck = _PATTERNS.struck_side.search(_PATTERNS.hand_side.sub("", span.words))
     if word in ("of_left", "of_right") and struck and result.eventful:
         result.enter(span, "impact_point", span.objects)
         return
@@ -562,39 +531,33 @@ def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
                 agent.relatives.append((word, other))
         if (agent.walks or agent.rides) and span.tag == "cw":
             agent.movement = agent.movement or "crossing"
-    result.enter(span, "tie", (*span.subjects, *span.objects), word)
+    result.enter(span, "tie", span.users, word)
 
 
 def _is_own_side(result: Interpretation, span: ReadSpan) -> bool:
     """Whether the words and what follows name the leg by which the other road user comes."""
-    following = _CLAUSE.match(result.text, span.end)
+    following = _PATTERNS.clause.match(result.text, span.end)
     words = span.words + (following[0] if following else "")
-    if _THAT_LEG.search(words):
+    if _PATTERNS.that_leg.search(words):
         before = [
             s.tag
             for s in result.spans
             if s.end <= span.start and s.tag in ("from", "to") and set(s.subjects) & {*span.objects}
         ]
         return before[-1:] == ["from"]
-    return _OWN_SIDE.search(words) is not None and _FAR_SIDE.search(words) is None
+    return _PATTERNS.own_side.search(words) is not None and _PATTERNS.far_side.search(words) is None
 
 
 def _move(result: Interpretation, span: ReadSpan) -> None:
-    if span.negated:
-        result.denied.append(span)
-        return
     name = {"cross": "crossing", "jay": "jaywalking"}.get(span.tag, span.tag)
     if span.tag in ("left", "right"):
         said = {each.lower() for each in re.findall(r"\b(left|right)", span.words, re.IGNORECASE)}
         name = said.pop() if len(said) == 1 else name
     walks = name in ("crossing", "jaywalking")
-    for number in span.subjects:
-        agent = result.users.get(number)
-        if agent is None:
-            continue
+    for number, agent in result.find_users(span.subjects):
         fits = walks == (agent.type == "pedestrian")
         if agent.rides:  # a rider crosses where a crosswalk is named
-            marked = agent.walks or _MARKED.search(span.words) is not None
+            marked = agent.walks or _PATTERNS.marked.search(span.words) is not None
             fits = name == "crossing" and marked if walks else not agent.walks
         if not fits:
             continue
@@ -608,30 +571,29 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _run_red(result: Interpretation, span: ReadSpan) -> None:
-    if span.negated:
-        result.denied.append(span)
-        return
-    for number in span.subjects:
-        agent = result.users.get(number)
-        if agent is not None:
-            agent.runs_red = True
-            result.enter(span, "runs_red", (number,))
+    for number, agent in result.find_users(span.subjects):
+        agent.runs_red = True
+        result.enter(span, "runs_red", (number,))
 
 
 def _read_light(result: Interpretation, span: ReadSpan) -> None:
     """ "Crosses while it is red for her" is a red light run; "waits at the red light" a wait."""
     around = result.text[max(0, span.start - _NEAR_LIGHT) : span.end + _NEAR_LIGHT]
     said = f"{span.words}{result.text[span.end :][: len(' for her')]}"
-    if _STOPS.search(span.words) and _IS_RED.search(span.words):
+    if _PATTERNS.stops.search(span.words) and _PATTERNS.is_red.search(span.words):
         agents = result.list_agents(span.subjects)
         result.draft.measures += [MeasureDraft("wait", e, None, *_AT_RED) for e in agents]
-    named = [s for s in result.spans if s.tag in ("ref", *MENTIONS) and s.subjects]
+    named = [s for s in result.spans if s.names_user and s.subjects]
     after = [s.subjects for s in named if 0 <= s.start - span.end <= len(" for the ")]
     before = [s.subjects for s in named if s.start < span.start]
     owners = [each for each in (span.subjects, *after, *reversed(before)) if each]
-    goes_on = _STILL_RED.search(around) and _IS_RED.search(said) and not _STOPS.search(result.text)
+    goes_on = (
+        _PATTERNS.still_red.search(around)
+        and _PATTERNS.is_red.search(said)
+        and not _PATTERNS.stops.search(result.text)
+    )
     if goes_on and owners:
-        _run_red(result, replace(span, tag="red", subjects=owners[0], negated=False))
+        _run_red(result, replace(span, tag="red", subjects=owners[0]))
     else:
         result.enter(span, "signals", span.subjects)
 
@@ -640,23 +602,21 @@ _AT_RED = (0.5, 25.0)
 """How long who waits at a red light stands there at least and at most [s]."""
 _NEAR_LIGHT = 24
 """Characters before and after words of a light that are searched for "although" and the like."""
-_STILL_RED = re.compile(r"\b(?:while|although|though|but|despite|even)\b", re.IGNORECASE)
-_IS_RED = re.compile(r"\bred\b", re.IGNORECASE)
 
 
 def _relate(result: Interpretation, span: ReadSpan) -> None:
-    if _SECONDS_BEFORE.search(result.text[: span.start]):
+    if _PATTERNS.seconds_before.search(result.text[: span.start]):
         result.enter(span, "manner", span.subjects)
         return
     if span.negated:
         result.denied.append(span)
         return
     users = result.users
-    if span.tag == "follow" and _BEHIND.search(span.words) and not result.settling:
+    if span.tag == "follow" and _PATTERNS.behind.search(span.words) and not result.settling:
         result.behind.append(span)
         return
     pairs = _list_pairs(span, users) or _add_implied(result, span)
-    if not pairs and span.tag == "yield" and len(users) == 1 and _STOPS.search(span.words):
+    if not pairs and span.tag == "yield" and len(users) == 1 and _PATTERNS.stops.search(span.words):
         result.enter(span, "signals", span.subjects)  # alone it stops for a light
         return
     if not pairs:
@@ -666,23 +626,23 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             "collides with, nearly hits, gives way to or follows which other.",
         )
     for first, second in pairs:
-        pair = frozenset((id(users[first]), id(users[second])))
-        near = any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
-        if near and _HEAD_ON.fullmatch(span.words):  # it says how the two nearly collide
+        pair = {users[first], users[second]}
+        near = any(e.type == "near_miss" and e.pair == pair for e in result.draft.relations)
+        if near and _PATTERNS.head_on.fullmatch(span.words):  # it says how the two nearly collide
             users[second].relatives.append(("opposite", users[first]))
             result.enter(span, "relation", (first, second), "near_miss")
             continue
         edge = RelationDraft(RELATIONS[span.tag], users[first], users[second])
         # "Lets a pedestrian cross" says what the pedestrian does.
-        lets_cross = span.tag == "yield" and _CROSSES.search(span.words)
+        lets_cross = span.tag == "yield" and _PATTERNS.crosses.search(span.words)
         if lets_cross and (users[second].type, users[second].movement) == ("pedestrian", None):
             users[second].movement = "crossing"
-        turn = _TURN_CRASH.search(result.text[: span.start])
+        turn = _PATTERNS.turn_crash.search(result.text[: span.start])
         edge.kind = find_marked("collision", span.value or "")
         if span.tag == "hit" and turn is not None and edge.kind is None:
             edge.kind = "left_turn" if turn[1].lower() == "left" else "right_turn"
         edge.first = users[first] if span.value == "cutoff" else None
-        if span.tag == "hit" and _TOO_LATE.search(span.words):
+        if span.tag == "hit" and _PATTERNS.too_late.search(span.words):
             result.braking.add(first)
         _add_relation(result, edge)
         result.enter(span, "relation", (first, second), edge.type)
@@ -690,21 +650,18 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             result.enter(span, "order", (first, second))
 
 
-_ONE_OF_THEM = re.compile(r"\bone(?: of them)?$", re.IGNORECASE)
-
-
-def _list_pairs(span: ReadSpan, users: Collection[int]) -> list[tuple[int, int]]:
+def _list_pairs(span: ReadSpan, users: Mapping[int, AgentDraft]) -> list[tuple[int, int]]:
     """Every one with every other, but in turn where "a car with a woman and a van with a man".
 
     Several followers of one leader drive one behind the other: "seven cars follow a bus".
     """
-    if _ONE_OF_THEM.search(span.words):
+    if _PATTERNS.one_of_them.search(span.words):
         span = replace(span, objects=span.objects[:1])
     pairs = list(zip(sorted(span.subjects), sorted(span.objects), strict=False))
     flat = [number for pair in pairs for number in pair]
     if len(span.subjects) != len(span.objects) or flat != sorted({*flat}):
-        pairs = [(a, b) for a in span.subjects for b in span.objects]
-    pairs = [(a, b) for a, b in pairs if a in users and b in users and a != b]
+        pairs = list(product(span.subjects, span.objects))
+    pairs = [(a, b) for a, b in pairs if {a, b} <= users.keys() and a != b]
     followers, leaders = [a for a, _ in pairs], {b for _, b in pairs}
     if span.tag != "follow" or len(leaders) != 1:
         return pairs
@@ -731,11 +688,11 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
 
 def _react(result: Interpretation, span: ReadSpan) -> None:
     """How a threatened agent reacts, as far as agents of its class can be asked to."""
-    if _TOO_LATE.search(span.words) and result.eventful:
+    if _PATTERNS.too_late.search(span.words) and result.eventful:
         _brake(result, span)
         return
     agents = result.list_agents(span.subjects[:1])
-    mark = "jump" if span.value == "back" and _JUMPS.search(span.words) else span.value
+    mark = "jump" if span.value == "back" and _PATTERNS.jumps.search(span.words) else span.value
     known = find_marked("reaction", mark or "", of=agents[0].type) if agents else None
     threat = any(
         (each.tag in ("hit", "near") or (each.tag, each.value) == ("lane", "cutin"))
@@ -750,13 +707,9 @@ def _react(result: Interpretation, span: ReadSpan) -> None:
         _react_so(result, replace(span, value=mark, subjects=span.subjects[:1]))
 
 
-_JUMPS = re.compile(r"\b(?:jump|leap|leapt|spr[aiu]ng)", re.IGNORECASE)
-
-
 def _react_so(result: Interpretation, span: ReadSpan) -> None:
     """How the agent reacts to the threat, or that it does not; as far as its class can."""
-    for number in (each for each in span.subjects if each in result.users):
-        agent = result.users[number]
+    for number, agent in result.find_users(span.subjects):
         known = find_marked("reaction", span.value or "", of=agent.type)
         if known is None:
             _leave_out_act(result, replace(span, subjects=(number,)))
@@ -771,7 +724,7 @@ def _add_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]
     The other one is a vehicle. Nothing is implied of a vehicle alone, but that it is hit from
     behind.
     """
-    known = [n for n in (*span.subjects, *span.objects) if n in result.users]
+    known = [number for number in span.users if number in result.users]
     behind = (span.tag, span.value) == ("hit", "rear") and not span.subjects
     if behind and [result.users[n].type for n in known] == ["vehicle"]:
         return [(_add_implied_vehicle(result), known[0])]
@@ -796,8 +749,8 @@ def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
     """One more relation; in a change it takes the place of what the two did before."""
     relations = result.draft.relations
     if result.changing:
-        relations[:] = [each for each in relations if each.pair() != edge.pair()]
-    same = [each for each in relations if each.type == edge.type and each.pair() == edge.pair()]
+        relations[:] = [each for each in relations if each.pair != edge.pair]
+    same = [each for each in relations if each.type == edge.type and each.pair == edge.pair]
     if same:
         same[0].kind = same[0].kind or edge.kind
         same[0].first = same[0].first or edge.first
@@ -808,25 +761,23 @@ def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
 
 def _edit(result: Interpretation, span: ReadSpan) -> None:
     """Remove agents, swap roles, or change what an agent is."""
-    draft, agents = result.draft, result.list_agents((*span.subjects, *span.objects))
+    draft, agents = result.draft, result.list_agents(span.users)
     if span.tag == "drop":
         draft.agents[:] = [each for each in draft.agents if each not in agents]
-        draft.relations[:] = [
-            e for e in draft.relations if e.from_ not in agents and e.to not in agents
-        ]
+        draft.relations[:] = [edge for edge in draft.relations if edge.pair.isdisjoint(agents)]
         result.users = {n: each for n, each in result.users.items() if each not in agents}
     elif span.tag == "swap":
         for edge in draft.relations:
-            if not agents or {id(edge.from_), id(edge.to)} <= {id(each) for each in agents}:
+            if not agents or edge.pair <= set(agents):
                 edge.from_, edge.to = edge.to, edge.from_
                 if edge.first is not None:
-                    edge.first = edge.to if edge.first is edge.from_ else edge.from_
+                    edge.first = edge.get_other(edge.first)
                 if edge.strikes is not None:
-                    edge.strikes = edge.to if edge.strikes is edge.from_ else edge.from_
+                    edge.strikes = edge.get_other(edge.strikes)
     else:
         kind = find_class(span.words)
         for agent in result.list_agents(span.subjects):
-            person = kind == "pedestrian" and not _ON_FOOT.search(span.words)
+            person = kind == "pedestrian" and not _PATTERNS.on_foot.search(span.words)
             if kind not in (None, agent.type) and not (person and agent.rides):  # "a girl" rides
                 agent.type, agent.movement, agent.crosswalk = kind, None, None
             agent.subtype = find_subtype(span.words) if agent.type == "vehicle" else None
@@ -834,7 +785,6 @@ def _edit(result: Interpretation, span: ReadSpan) -> None:
     result.enter(span, "agent", span.subjects, span.tag)
 
 
-_ON_FOOT = re.compile(r"\bped|\bfoot\b|\bwalk|\brunner|\bjogger", re.IGNORECASE)
 _STEPS: dict[str, dict[str | None, str]] = {
     "up": {None: "high", "low": "medium", "medium": "high", "high": "high"},
     "down": {None: "low", "low": "low", "medium": "low", "high": "medium"},
@@ -850,25 +800,29 @@ def _set_normal(result: Interpretation, span: ReadSpan) -> None:
 
 def _set_background(result: Interpretation, span: ReadSpan) -> None:
     """Numbers of background agents; those per leg, of riders or without a figure become nothing."""
-    none = span.negated or _NOT_ONE.search(span.words) is not None
+    none = span.negated or _PATTERNS.not_one.search(span.words) is not None
     number, after = 0 if none else number_in(span.words), result.text[span.end :]
-    if number is None and _NOBODY.search(span.words):
+    if number is None and _PATTERNS.nobody.search(span.words):
         number = 0
     if number is not None and number > MOST_BACKGROUND:
         raise Refused(
             "out_of_scope",
             f"'{span.words}' are more than the {MOST_BACKGROUND} that a scene can hold.",
         )
-    if number == 0 and _NONE_AT_ALL.search(span.words):
+    if number == 0 and _PATTERNS.none_at_all.search(span.words):
         result.absent.append(span)
-    if _ABOARD.search(f"{span.words}{after}"):
+    if _PATTERNS.aboard.search(f"{span.words}{after}"):
         result.enter(span, "nothing", note="nobody inside a vehicle is shown")
         return
-    uncounted = number is None and _MANY.search(span.words) is not None
-    if uncounted or _PER_LEG.match(after) or (number and _RIDERS.search(span.words)):
+    uncounted = number is None and _PATTERNS.many.search(span.words) is not None
+    if (
+        uncounted
+        or _PATTERNS.per_leg.match(after)
+        or (number and _PATTERNS.riders.search(span.words))
+    ):
         result.enter(span, "nothing", note="say how many vehicles or pedestrians in all")
         return
-    if number and span.tag == "bgveh" and _IN_ALL.match(after):
+    if number and span.tag == "bgveh" and _PATTERNS.in_all.match(after):
         named = sum(agent.type == "vehicle" for agent in result.draft.agents)
         number = max(number - named, 0)
     context = result.draft.context
@@ -882,18 +836,12 @@ def _set_background(result: Interpretation, span: ReadSpan) -> None:
 
 
 _OF_BOTH = ("vehicles", "pedestrians")
-_ABOARD = re.compile(r"^[\w ]*\b(?:on ?board|aboard|inside|on it)\b", re.IGNORECASE)
-_MANY = re.compile(r"\b(?:lots?|many|plenty|crowds?|loads|tons|masses)\b", re.IGNORECASE)
-_PER_LEG = re.compile(r"\W*(?:per|(?:on|in|at|from|for) (?:each|every)|each)\b", re.IGNORECASE)
-_IN_ALL = re.compile(r"\W*(?:altogether|in total|in all|overall|all told)\b", re.IGNORECASE)
-_RIDERS = re.compile(r"\b(?:bikes?|bicycles?|cyclists?|riders?|scooters?)\b", re.IGNORECASE)
-""" "Per leg", "altogether": of what a number of background agents is; riders are not counted."""
 
 
 def _set_density(result: Interpretation, span: ReadSpan) -> None:
     context = result.draft.context
     value = str(span.value)
-    if value == "medium" and not result.eventful and _ORDINARY.search(span.words):
+    if value == "medium" and not result.eventful and _PATTERNS.ordinary.search(span.words):
         result.draft.normal = True
         result.enter(span, "normal")
         return
@@ -921,7 +869,7 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     low = clean(" , ".join(each.words for each in (*result.times, span)))
     names, clock = time_words_in(low), read_clock(low)
     if clock is None:
-        figures = _FIGURES.search(low)
+        figures = _PATTERNS.figures.search(low)
         clock = read_clock(f"at {figures[0] if figures else low}")
     if "rush hour" in names and {"morning", "evening", "afternoon"} & {*names}:
         names = ["morning rush" if "morning" in names else "evening rush"]
@@ -936,16 +884,11 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     result.enter(span, "time_of_day", value=time)
 
 
-_FIGURES = re.compile(r"\b(?:[01]\d|2[0-3])[0-5]\d\b")
-"""A clock of four figures, "1625"."""
-_SPOKEN = re.compile(r"\b(?:half|past|to|till|after|before|o ?'? ?clock)\b")
-
-
 def _ask_half_of_day(result: Interpretation) -> None:
     """Refuses "half past three": people say it of the afternoon, a clock shows 03:30 by it."""
     time, said = result.draft.context.time_of_day, [each.words for each in result.times]
     low = clean(" , ".join(said))
-    if time is None or not "01:00" <= time < "06:00" or not _SPOKEN.search(low):
+    if time is None or not "01:00" <= time < "06:00" or not _PATTERNS.spoken.search(low):
         return
     if not time_words_in(low) and not re.search(r"\b[ap]m\b", low):
         later, words = _shift_half_a_day(time), said[-1]
@@ -1032,25 +975,21 @@ def _settle(result: Interpretation) -> None:
     read_lanes(result, _BEYOND["act"])
     _read_order(result)
     draft = result.draft
-    # A TTC, or a PET of a near miss, asks for that where no event of the two is named.
-    if _is_measured(result) and not draft.relations and len(draft.agents) == 2:
-        first, second = draft.agents
-        draft.relations.append(RelationDraft("near_miss", first, second))
+    if _is_measured(result):
+        _imply_near_miss(draft)
     _read_overtaking(result)
     _read_numbers(result)
     _ask_half_of_day(result)
     _settle_places(result)
-    threatened = result.braking or result.dodging
-    if threatened and not draft.relations and len(draft.agents) == 2:
-        first, second = draft.agents
-        draft.relations.append(RelationDraft("near_miss", first, second))
+    if result.braking or result.dodging:
+        _imply_near_miss(draft)
     settle_lead_braking(result)
     settle_lanes(result)
     for agent in map(result.users.get, result.braking):
         for edge in draft.relations:
             dangerous = edge.type in ("near_miss", "collide_at") and edge.manoeuvre is None
             drives = agent is not None and agent.type == "vehicle"  # riders brake softly
-            if drives and dangerous and agent in (edge.from_, edge.to):
+            if drives and dangerous and agent in edge.ends:
                 edge.cause, edge.braker = find_marked("cause", "brakes"), agent
     for span in result.absent if not result.changing else ():
         denied = {"veh": "vehicle", "ped": "pedestrian"}.get(span.tag.removeprefix("bg"))
@@ -1068,17 +1007,21 @@ def _settle(result: Interpretation) -> None:
     result.denied = []
 
 
+def _imply_near_miss(draft: Draft) -> None:
+    """A near miss of two of whom no event is named: what is said of them asks for one."""
+    if not draft.relations and len(draft.agents) == 2:
+        first, second = draft.agents
+        draft.relations.append(RelationDraft("near_miss", first, second))
+
+
 def _read_order(result: Interpretation) -> None:
     """The agent that goes first does so in the pair's event; without one, the other yields to
     it."""
     for span in result.first:
-        users = (span.objects, span.subjects) if span.negated else (span.subjects, span.objects)
-        pairs = [
-            (a, b)
-            for a in users[0]
-            for b in users[1]
-            if a in result.users and b in result.users and a != b
-        ]
+        ahead, behind = span.subjects, span.objects
+        if span.negated:
+            ahead, behind = behind, ahead
+        pairs = [(a, b) for a in ahead for b in behind if {a, b} <= result.users.keys() and a != b]
         for first, second in pairs:
             _put_first(result, span, first, second)
         if not pairs:
@@ -1090,10 +1033,10 @@ def _read_behind(result: Interpretation) -> None:
     """ "Passes behind" is a follow of two in one lane; of two that cross it says which one comes
     first."""
     for span in result.behind:
-        one, two = (result.list_agents(each)[:1] for each in (span.subjects, span.objects))
-        entries = {agent.entry for agent in (*one, *two)} - {None}
-        classes = {agent.type for agent in (*one, *two)}
-        if one and two and (len(entries) == 2 or len(classes) == 2):
+        both = [*result.list_agents(span.subjects)[:1], *result.list_agents(span.objects)[:1]]
+        entries = {agent.entry for agent in both} - {None}
+        classes = {agent.type for agent in both}
+        if len(both) == 2 and (len(entries) == 2 or len(classes) == 2):
             result.first.append(replace(span, subjects=span.objects, objects=span.subjects))
         else:
             _relate(result, span)
@@ -1107,8 +1050,7 @@ def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) 
         Refused: the event has the other order, or two orders are said.
     """
     ahead, behind = result.users[first], result.users[second]
-    pair = frozenset((id(ahead), id(behind)))
-    edges = [edge for edge in result.draft.relations if edge.pair() == pair]
+    edges = [edge for edge in result.draft.relations if edge.pair == {ahead, behind}]
     if not edges:
         close = any(each.tag == "hit" for each in result.denied) or second in result.braking
         kind: RelationType = "near_miss" if close or _is_measured(result) else "yield_to"
@@ -1155,7 +1097,7 @@ def _is_measured(result: Interpretation) -> bool:
 def _deny_event(result: Interpretation, span: ReadSpan) -> None:
     """A denied event contradicts the same event; a yield that fails, alone, is a near miss."""
     draft, kind = result.draft, RELATIONS[span.tag]
-    involved = result.list_agents((*span.subjects, *span.objects))
+    involved = result.list_agents(span.users)
     both = [result.list_agents(each) for each in (span.subjects, span.objects)]
     same = [  # "A did not hit B, B hit A" denies another one
         edge
@@ -1164,10 +1106,10 @@ def _deny_event(result: Interpretation, span: ReadSpan) -> None:
         and (
             edge.from_ in both[0] and edge.to in both[1]
             if all(both)
-            else all(agent in (edge.from_, edge.to) for agent in involved)
+            else edge.pair.issuperset(involved)
         )
     ]
-    result.enter(span, "denied", (*span.subjects, *span.objects), kind)
+    result.enter(span, "denied", span.users, kind)
     if result.changing:
         draft.relations[:] = [edge for edge in draft.relations if edge not in same]
     elif any(span.tag != "yield" or edge.from_ is involved[0] for edge in same if involved) or (
@@ -1177,9 +1119,9 @@ def _deny_event(result: Interpretation, span: ReadSpan) -> None:
             "contradictory", "The text both asks for an event and denies it; keep one of the two."
         )
     if span.tag == "yield" and len(involved) >= 2 and not result.changing:
-        pairs = [{id(involved[0]), id(other)} for other in involved[1:]]
-        if not any(edge.pair() in pairs for edge in draft.relations):
-            draft.relations += [RelationDraft("near_miss", involved[0], e) for e in involved[1:]]
+        first, *others = involved
+        if not any(edge.pair == {first, other} for edge in draft.relations for other in others):
+            draft.relations += [RelationDraft("near_miss", first, other) for other in others]
     draft.denied.add(kind)
 
 
@@ -1207,8 +1149,8 @@ def _deny_way(result: Interpretation, span: ReadSpan) -> None:
 
 
 _RULES: dict[str, Rule] = {
-    **dict.fromkeys(("from", "to", "heading", "cw"), _place),
-    **dict.fromkeys(("left", "right", "straight", "uturn", "cross", "jay"), _move),
+    **dict.fromkeys(SIDES, _unless_denied(_place)),
+    **dict.fromkeys(("left", "right", "straight", "uturn", "cross", "jay"), _unless_denied(_move)),
     **dict.fromkeys(EVENTS, _relate),
     "yield": _read_yield,
     "density": _set_density,
@@ -1226,7 +1168,7 @@ _RULES: dict[str, Rule] = {
     "push": lambda result, span: _relate(result, replace(span, tag="hit", value="rear")),
     "lane": _keep("lanes"),
     **dict.fromkeys(("meet", "door"), _leave_out_act),
-    "red": _run_red,
+    "red": _unless_denied(_run_red),
     "brake": _brake,
     "cond": _refuse_condition,
     "place": _keep("places"),

@@ -30,18 +30,17 @@ from scenewright.backends.builtin.reader.reactions import read_reactions
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan, read_text
 from scenewright.backends.builtin.reader.words import (
     WORDS,
-    compile_words,
+    Patterns,
     find_nouns,
 )
 from scenewright.backends.builtin.scope import build_nothing_planned
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import still_holds
-from scenewright.scene.social import Plan, Refusal, SocialGraph
+from scenewright.scene.social import Plan, SocialGraph
+
+_PATTERNS = Patterns("learned_plan")
 
 _FUNCTION_WORDS = frozenset(WORDS["merging"]["function_words"])
-_ARTICLE = re.compile(r"an?|the", re.IGNORECASE)
-_ON_THE = compile_words("merging.on_the")
-"""Between a rider and the crosswalk that it rides on."""
 
 _SURELY = 0.95
 
@@ -104,7 +103,8 @@ def _let_ride(span: ReadSpan, reading: Reading) -> ReadSpan:
     before = [
         each
         for each in riders
-        if each.end <= span.start and _ON_THE.fullmatch(reading.text[each.end : span.start])
+        if each.end <= span.start
+        and _PATTERNS.on_the.fullmatch(reading.text[each.end : span.start])
     ]
     if span.tag not in ("cw", "cross") or len(before) != 1 or len(before[0].subjects) != 1:
         return span
@@ -120,11 +120,9 @@ def _drop_function_words(reading: Reading) -> Reading:
     kept = [
         at
         for at, span in enumerate(reading.spans)
-        if span.tag in (*MENTIONS, "ref") or set(span.words.lower().split()) - _FUNCTION_WORDS
+        if span.names_user or set(span.words.lower().split()) - _FUNCTION_WORDS
     ]
-    spans = tuple(reading.spans[at] for at in kept)
-    users = {user: kept.index(at) for user, at in reading.users.items()}
-    return replace(reading, spans=spans, users=users)
+    return reading.select_spans(kept)
 
 
 def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
@@ -144,7 +142,7 @@ def _find_same(reading: Reading) -> Iterator[tuple[int, int]]:
         # An article alone, and the next mention: "a jaywalking pedestrian".
         later_users = [
             u
-            for u in (single if _ARTICLE.fullmatch(span.words) else ())
+            for u in (single if _PATTERNS.article.fullmatch(span.words) else ())
             if 0 <= single[u].start - span.end <= _MOST_BETWEEN
             and re.fullmatch(r"[\w' -]*", text[span.end : single[u].start])
             and not any(e.tag in EVENTS and span.end <= e.start < single[u].start for e in spans)
@@ -239,13 +237,11 @@ def read_again(
     A reading that the encoder is sure of comes out the same; one that hangs by a thread does not.
     """
     reading = read_text(opener + text)
-    kept = [at for at, span in enumerate(reading.spans) if span.start >= len(opener)]
-    at_start = len(opener)
-    own = [reading.spans[at] for at in kept]
-    spans = tuple(replace(s, start=s.start - at_start, end=s.end - at_start) for s in own)
-    users = {user: kept.index(at) for user, at in reading.users.items() if at in kept}
-    shifted = replace(reading, text=text, spans=spans, users=users)
-    return plan_reading(shifted, site or Site(), text, phrases)
+    cut = len(opener)
+    kept = [at for at, span in enumerate(reading.spans) if span.start >= cut]
+    reading = reading.select_spans(kept)
+    spans = tuple(replace(s, start=s.start - cut, end=s.end - cut) for s in reading.spans)
+    return plan_reading(replace(reading, text=text, spans=spans), site or Site(), text, phrases)
 
 
 def plan_reading(
@@ -268,11 +264,10 @@ def plan_reading(
         said = interpretation.build_account(names, offset)
         graph = make_graph(finished)
         graph = graph.model_copy(update={"said": tuple(_match_plan(e, graph) for e in said)})
-        users = {n: names[id(a)] for n, a in interpretation.users.items() if id(a) in names}
+        users = {n: names[a] for n, a in interpretation.users.items() if a in names}
         plan: Plan = add_read_objects(graph, objects, users) if objects else graph
     except Refused as verdict:
-        refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
-        return LearnedPlan(refusal, reading, confidence, objects, phrases)
+        return LearnedPlan(verdict.to_refusal(), reading, confidence, objects, phrases)
     return LearnedPlan(plan, reading, confidence, objects, phrases, users)
 
 
@@ -316,7 +311,7 @@ def is_no_change(reading: Reading) -> bool:
 def _match_plan(entry: SaidSpan, graph: SocialGraph) -> SaidSpan:
     """An entry as the graph has it, where one event of two agents overrules another."""
     if entry.became == "relation":
-        edges = [e for e in graph.relations if {e.from_, e.to} == set(entry.agents)]
+        edges = [edge for edge in graph.relations if edge.pair == set(entry.agents)]
         types = [edge.type for edge in edges]
         if entry.value not in types:
             update = {"value": types[0]} if types else {"became": "manner", "value": None}
@@ -343,32 +338,26 @@ def _stands_alone(reading: Reading, previous: str) -> bool:
     """Whether a text introduces two road users to one another, or is in another language."""
     if reading.kind == "foreign":
         return True
-    events = ("hit", "near", "yield", "follow")
     mentions = [reading.spans[at].words for at in reading.users.values()]
     return (
         len(reading.users) >= 2
-        and any(span.tag in events and span.subjects and span.objects for span in reading.spans)
+        and any(span.tag in EVENTS and span.subjects and span.objects for span in reading.spans)
         and not any(_is_known(words, previous) for words in mentions)
     )
 
 
 def _is_known(words: str, previous: str) -> bool:
     """Whether a mention is of an agent of an earlier instruction: "he", "the van" after "a van"."""
-    if _PRONOUN.fullmatch(words):
+    if _PATTERNS.pronoun.fullmatch(words):
         return True
     noun = re.fullmatch(r"(?:the|that|this) (?:\w+ )*?(\w+)", words, re.IGNORECASE)
     return noun is not None and re.search(rf"\b{noun[1]}\b", previous, re.IGNORECASE) is not None
-
-
-_PRONOUN = re.compile(r"(?:he|she|it|him|her|them|they|that one|the other(?: one)?)", re.IGNORECASE)
 
 
 def _settle(interpretation: Interpretation, text: str) -> Draft:
     """Nothing is planned without an agent, an event or a context; impacts are placed."""
     draft = interpretation.draft
     context = draft.context
-    if draft.normal and draft.relations:
-        draft.normal = False
     said = draft.agents or draft.normal or draft.denied or context.density or context.time_of_day
     if not said and context.vehicles is None and context.pedestrians is None:
         raise build_nothing_planned()

@@ -7,84 +7,72 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
-from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import compile_words
+from scenewright.backends.builtin.reader.reading import (
+    RULE_CONFIDENCE,
+    Reading,
+    ReadSpan,
+    build_span,
+)
+from scenewright.backends.builtin.reader.words import Patterns
 from scenewright.scene.kinds import find_marked, list_readings
 from scenewright.scene.social import RelationType
 
 if TYPE_CHECKING:
     from scenewright.backends.builtin.reader.interpret import Interpretation
 
-_KNOWN = 0.9
-"""How sure a span is whose words leave no doubt."""
+_PATTERNS = Patterns("manoeuvres")
 
-_AHEAD = re.compile(r"\b(?:lead(?:ing|er)?|ahead|in front|front|preced\w+)\b", re.IGNORECASE)
-_BEHIND = re.compile(r"\b(?:behind|follow\w*|trail\w*|tail\w*|second)\b", re.IGNORECASE)
-_INTO_THE_BACK = compile_words("manoeuvres.into_the_back")
-_CLOSE_UP = compile_words("manoeuvres.close_up")
 _NEAR = 45
 """Characters behind the words of a follow in which it may be said that it is a close one."""
-
-_CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
-_RIGHT_ON_RED = compile_words("manoeuvres.right_on_red")
-_LANE_CHANGE = compile_words("manoeuvres.lane_change")
-_TURNS_GREEN = compile_words("manoeuvres.turns_green")
-_HERE = compile_words("manoeuvres.here")
-"""Words of a place that are the junction itself, or say where people are on their way to."""
 
 
 def correct_manoeuvres(reading: Reading) -> Reading:
     """The reading with lights, places and ways of crossing as their words say."""
     spans = [_call_yellow(span) for span in reading.spans]
     for n, span in enumerate(spans):
-        if span.tag in ("place", "act") and _HERE.search(span.words):
+        if span.tag in ("place", "act") and _PATTERNS.here.search(span.words):
             spans[n] = replace(span, tag="manner")
-        elif (span.tag == "place" or span.value == "wrongway") and _LANE_CHANGE.search(span.words):
-            spans[n] = replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
-        elif span.tag == "red" and _TURNS_GREEN.search(reading.text[span.start : span.end + 15]):
-            spans[n] = replace(span, tag="light", confidence=_KNOWN)
+        elif (span.tag == "place" or span.value == "wrongway") and _PATTERNS.lane_change.search(
+            span.words
+        ):
+            spans[n] = replace(span, tag="act", subjects=span.subjects or (1,))
+            spans[n] = replace(spans[n], confidence=RULE_CONFIDENCE)
+        elif span.tag == "red" and _PATTERNS.turns_green.search(
+            reading.text[span.start : span.end + 15]
+        ):
+            spans[n] = replace(span, tag="light", confidence=RULE_CONFIDENCE)
     for pattern, motion in list_readings("motion"):  # "darts out in front of"
         if find_marked("motion", motion, of="vehicle") is None:
             for match in pattern.finditer(reading.text):
-                tags = [span.tag for span in spans if _is_overlapping(span, match)]
-                if {"near", "jay", "cross"} & {*tags} and "motion" not in tags:
-                    said = (*match.span(), match[0], "motion", motion)
-                    spans += _describe_owner(spans, match, said, "ped")
-    for match in _RIGHT_ON_RED.finditer(reading.text):
-        if all(s.tag != "red" or not _is_overlapping(s, match) for s in spans):
-            place = (*match.span("red"), match["red"], "red", None)
-            spans += _describe_owner(spans, match, place, "veh")
+                tags = [span.tag for span in spans if span.overlaps(match)]
+                owner = _find_owner(spans, match, "ped")
+                if {"near", "jay", "cross"} & {*tags} and "motion" not in tags and owner:
+                    spans.append(build_span(match, "motion", motion, owner))
+    for match in _PATTERNS.right_on_red.finditer(reading.text):
+        owner = _find_owner(spans, match, "veh")
+        if owner and all(span.tag != "red" or not span.overlaps(match) for span in spans):
+            spans.append(build_span(match, "red", None, owner, group="red"))
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
 
 
 def _call_yellow(span: ReadSpan) -> ReadSpan:
     """A light that is called yellow is no red one that is run."""
-    called = span.tag == "red" and not span.negated and _CALLED_YELLOW.search(span.words)
+    called = span.tag == "red" and not span.negated and _PATTERNS.called_yellow.search(span.words)
     return replace(span, tag="motion", value="yellow") if called else span
 
 
-def _describe_owner(
-    spans: list[ReadSpan],
-    match: re.Match[str],
-    place: tuple[int, int, str, str, str | None],
-    tag: str,
-) -> list[ReadSpan]:
-    """A span of the words for the road user that they describe, where it is of a class: that of
-    another span there, else the last one named."""
-    inside = [s for s in spans if _is_overlapping(s, match) and s.tag not in _NAMES and s.subjects]
-    named = [s for s in spans if s.tag in _NAMES and s.end <= match.start()]
-    of = inside[:1] or sorted(named, key=lambda each: each.end)[-1:]
-    owner = of[0].subjects[:1] if of else ()
-    if not any(s.tag == tag and {*owner} & {*s.subjects} for s in spans):
-        return []
-    return [ReadSpan(*place, False, None, owner, (), _KNOWN)]
+def _find_owner(spans: list[ReadSpan], match: re.Match[str], tag: str) -> tuple[int, ...]:
+    """The road user that the words describe, where it is of a class: that of another span there,
+    else the last one named."""
+    inside = [s for s in spans if s.overlaps(match) and s.tag not in _NAMES and s.subjects]
+    named = [span for span in spans if span.tag in _NAMES and span.end <= match.start()]
+    about = inside[:1] or sorted(named, key=lambda span: span.end)[-1:]
+    owner = about[0].subjects[:1] if about else ()
+    of_class = any(span.tag == tag and {*owner} & {*span.subjects} for span in spans)
+    return owner if of_class else ()
 
 
 _NAMES = ("ped", "veh", "ref")
-
-
-def _is_overlapping(span: ReadSpan, match: re.Match[str]) -> bool:
-    return span.start < match.end() and match.start() < span.end
 
 
 def settle_lanes(result: Interpretation) -> None:
@@ -92,9 +80,13 @@ def settle_lanes(result: Interpretation) -> None:
     for n, entry in enumerate(result.entries):
         agents = result.list_agents(entry.users)
         near = entry.span.words + result.text[entry.span.end : entry.span.end + _NEAR]
-        if entry.became == "relation" and entry.value == "follow" and _CLOSE_UP.search(near):
+        if (
+            entry.became == "relation"
+            and entry.value == "follow"
+            and _PATTERNS.close_up.search(near)
+        ):
             for edge in result.draft.relations:
-                if edge.type == "follow" and [edge.from_, edge.to] == agents:
+                if edge.type == "follow" and list(edge.ends) == agents:
                     edge.manoeuvre = find_marked("manoeuvre", "close")
                     result.entries[n] = replace(entry, became="manoeuvre", value=edge.manoeuvre)
 
@@ -127,8 +119,8 @@ def _find_lane_relation(
     """The relation of the two as a manoeuvre; a new one where nothing else is said of them."""
     follows = value == "tailgate"
     kinds: tuple[RelationType, ...] = ("follow",) if follows else ("near_miss", "collide_at")
-    pair = frozenset(map(id, agents))
-    found = [e for e in result.draft.relations if e.type in kinds and e.pair() == pair]
+    pair = frozenset(agents)
+    found = [e for e in result.draft.relations if e.type in kinds and e.pair == pair]
     if not found:
         found = [RelationDraft(kinds[0], agents[0], agents[1])]
         result.draft.relations += found
@@ -162,8 +154,8 @@ def settle_lead_braking(result: Interpretation) -> None:
 
 def _is_braking_ahead(result: Interpretation, edge: RelationDraft, agent: AgentDraft) -> bool:
     """Whether the agent drives ahead of the other of the edge, in its lane, and brakes."""
-    other = edge.to if agent is edge.from_ else edge.from_
-    if agent not in (edge.from_, edge.to) or other.type != "vehicle":
+    other = edge.get_other(agent)
+    if agent not in edge.ends or other.type != "vehicle":
         return False
     if edge.type == "follow":
         return agent is edge.to
@@ -178,9 +170,9 @@ def _is_in_line(result: Interpretation, agent: AgentDraft, other: AgentDraft) ->
         edge.type == "follow" and edge.from_ is other and edge.to is agent
         for edge in result.draft.relations
     )
-    named = _AHEAD.search(agent.head) or _BEHIND.search(other.head)
+    named = _PATTERNS.ahead.search(agent.head) or _PATTERNS.behind.search(other.head)
     into_the_back = any(
-        _INTO_THE_BACK.search(entry.span.words)
+        _PATTERNS.into_the_back.search(entry.span.words)
         for entry in result.entries
         if entry.became == "relation" and result.list_agents(entry.users) == [other, agent]
     )
@@ -190,10 +182,10 @@ def _is_in_line(result: Interpretation, agent: AgentDraft, other: AgentDraft) ->
 def _drop_follows(result: Interpretation) -> None:
     """An agent that hits or nearly hits a braking leader follows it: one relation says both."""
     relations, by_braking = result.draft.relations, find_marked("manoeuvre", "brakes")
-    others = {e.pair() for e in relations if e.manoeuvre == by_braking and e.type != "follow"}
-    dropped = [e for e in relations if e.type == "follow" and e.pair() in others]
+    others = {e.pair for e in relations if e.manoeuvre == by_braking and e.type != "follow"}
+    dropped = [e for e in relations if e.type == "follow" and e.pair in others]
     relations[:] = [each for each in relations if each not in dropped]
     for n, entry in enumerate(result.entries):
-        pair = frozenset(map(id, result.list_agents(entry.users)))
+        pair = frozenset(result.list_agents(entry.users))
         if entry.became == "relation" and entry.value == "follow" and pair in others:
             result.entries[n] = replace(entry, became="manoeuvre", value=by_braking)

@@ -6,10 +6,11 @@ import re
 from dataclasses import dataclass
 
 from scenewright.backends.builtin.reader.numbers import TENS, TO_TWENTY
-from scenewright.backends.builtin.reader.words import WORDS, compile_words
+from scenewright.backends.builtin.reader.words import WORDS, Patterns
+
+_PATTERNS = Patterns("measures")
 
 _FRACTIONS = {"half": 0.5, "quarter": 0.25, "three quarters": 0.75}
-_FIGURE = re.compile(r"(\d+(?:[.,]\d+)?)")
 _WORDS = {word: float(number) for number, word in enumerate(TO_TWENTY)}
 _WORDS |= {word: 10.0 * tens for tens, word in enumerate(TENS[1:7], start=3)}
 _SPELT = re.compile(r"\b(" + "|".join(_WORDS) + r")(?:[- ](" + "|".join(_WORDS) + r"))?\b")
@@ -32,13 +33,6 @@ _SPEEDS = {
 }  # fmt: skip
 """Free speeds by class [m/s]."""
 
-_BOUND = compile_words("measures.bound", re.NOFLAG)
-_ONE_UNIT = re.compile(r"\ban? (?:second|met(?:re|er)|foot|inch|heartbeat)")
-_ACCELERATION = re.compile(r"m\s*/?\s*s\s*(?:2|²|\^2)|met\w+ per second squared")
-_GRAVITY = re.compile(r"(?<=\d)\s*g\b")
-_MILLISECONDS = re.compile(r"\bms\b|(?<=\d)ms\b|millisecond")
-_SECONDS = re.compile(r"(?<![a-z/])s(?:ecs?|econds?)?\b|(?<=\d)s\b|heartbeat", re.IGNORECASE)
-
 
 @dataclass(frozen=True)
 class MeasureMention:
@@ -54,27 +48,23 @@ def measure_in(words: str) -> MeasureMention | None:
     number = _number(low)
     if number is None:
         return None
-    if _ACCELERATION.search(low):
+    if _PATTERNS.acceleration.search(low):
         return MeasureMention(number, "m/s2")
-    if _GRAVITY.search(low):
+    if _PATTERNS.gravity.search(low):
         return MeasureMention(number * 9.81, "m/s2")
     for pattern, factor in _PER_SECOND:
         if pattern.search(low):
             return MeasureMention(number * factor, "m/s")
-    if _MILLISECONDS.search(low):
+    if _PATTERNS.milliseconds.search(low):
         return MeasureMention(number / 1000, "s")
     for pattern, factor in _METRES:
         if pattern.search(low):
             return MeasureMention(number * factor, "m")
-    return MeasureMention(number, "s" if _SECONDS.search(low) else "")
+    return MeasureMention(number, "s" if _PATTERNS.seconds.search(low) else "")
 
 
 _BOUNDS = [(re.compile(words), least) for least, words in WORDS["measures"]["bounds"]]
 """Words that make a number a lower bound (True) or an upper one."""
-
-_TWO = re.compile(r"(\d+(?:[.,]\d+)?)[^\d]{0,12}?(?:\band\b|\bto\b|-|–|—)\s*(\d+(?:[.,]\d+)?)")
-_PERCENT = re.compile(r"%|\bper ?cent\b|\bpct\b")
-_MIDDLE = re.compile(r"\b(?:middle|centre|center|dead[- ]cent(?:re|er)|half ?way|midpoint)\b")
 
 
 def parse_range(
@@ -92,10 +82,10 @@ def parse_range(
     low = words.lower()
     measure = measure_in(low)
     if measure is None:
-        return (50.0 - tolerance, 50.0 + tolerance, "%") if _MIDDLE.search(low) else None
-    if _PERCENT.search(low):
+        return (50.0 - tolerance, 50.0 + tolerance, "%") if _PATTERNS.middle.search(low) else None
+    if _PATTERNS.percent.search(low):
         measure = MeasureMention(measure.value, "%")
-    if (two := _TWO.search(low)) is not None and measure.unit:
+    if (two := _PATTERNS.two.search(low)) is not None and measure.unit:
         figure = float(two[1].replace(",", "."))
         scale = measure.value / figure if figure else 1.0
         first, second = sorted((measure.value, float(two[2].replace(",", ".")) * scale))
@@ -115,7 +105,7 @@ def parse_speed_range(words: str, agent: str) -> tuple[float, float] | None:
     A speed that no agent of the class drives or walks at, and a bound ("over 30 km/h") are none.
     """
     measure = measure_in(words)
-    if measure is None or measure.unit != "m/s" or _BOUND.search(words.lower()):
+    if measure is None or measure.unit != "m/s" or _PATTERNS.bound.search(words.lower()):
         return None
     slowest, fastest = _SPEEDS[agent.partition("-")[0]]
     if not slowest <= measure.value <= fastest:
@@ -124,7 +114,7 @@ def parse_speed_range(words: str, agent: str) -> tuple[float, float] | None:
 
 
 def _number(low: str) -> float | None:
-    if match := _FIGURE.search(low):
+    if match := _PATTERNS.figure.search(low):
         value = float(match[1].replace(",", "."))
         return value + (0.5 if "and a half" in low else 0.0)
     for words, value in _FRACTIONS.items():
@@ -133,4 +123,4 @@ def _number(low: str) -> float | None:
     if match := _SPELT.search(low):
         tens = _WORDS[match[1]] + (_WORDS[match[2]] if match[2] else 0.0)
         return tens + (0.5 if "and a half" in low else 0.0)
-    return 1.0 if _ONE_UNIT.search(low) else None
+    return 1.0 if _PATTERNS.one_unit.search(low) else None

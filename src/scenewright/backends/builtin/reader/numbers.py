@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 
-from scenewright.backends.builtin.reader.words import WORDS, compile_words
+from scenewright.backends.builtin.reader.words import WORDS, Patterns
+
+_PATTERNS = Patterns("numbers")
 
 TO_TWENTY: list[str] = WORDS["numbers"]["to_twenty"]
 _WORDS: dict[str, int] = {word: number for number, word in enumerate(TO_TWENTY)}
@@ -17,15 +19,6 @@ _NUMBER = re.compile(
     + r")(?![a-z]))",
     re.IGNORECASE,
 )
-_OF_ONE = compile_words("numbers.of_one")
-"""Numbers that belong to what one road user is: "a two-door car", "a 7.5-tonne lorry"."""
-
-_SINGULAR = re.compile(r"^(?:an?|one|another|this|that) ", re.IGNORECASE)
-_LABEL = compile_words("numbers.label")
-
-
-_TIMES = re.compile(r"\bx ?(\d)\b", re.IGNORECASE)
-"""How many of "ped x2"."""
 
 
 def number_in(words: str) -> int | None:
@@ -44,10 +37,10 @@ def count_in(words: str) -> int | None:
 
     The number of "vehicle 2" is a name, and that of "a two-door car" says what it is.
     """
-    if times := _TIMES.search(words):
+    if times := _PATTERNS.times.search(words):
         return int(times[1])
-    plain = _OF_ONE.sub(" ", words)
-    if plain != words and _SINGULAR.match(words):
+    plain = _PATTERNS.of_one.sub(" ", words)
+    if plain != words and _PATTERNS.singular.match(words):
         return 1
-    found = number_in(_LABEL.sub(" ", plain))
+    found = number_in(_PATTERNS.label.sub(" ", plain))
     return found if found else None

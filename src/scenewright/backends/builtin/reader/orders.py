@@ -9,23 +9,11 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from scenewright.backends.builtin.reader.annotation import MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.backends.builtin.reader.words import compile_words, has_user_noun
+from scenewright.backends.builtin.reader.words import Patterns, has_user_noun
 
-_EARLY = compile_words("orders.early")
-_LATE = compile_words("orders.late")
-_THEN = re.compile(r"\b(?:then|next|already|third|only|finally)\b", re.IGNORECASE)
-_IS = compile_words("orders.is")
-"""Words whose subject comes after them: "first through is"."""
+_PATTERNS = Patterns("orders")
 
-_GOVERNS = compile_words("orders.governs")
-"""Words that what comes next is the complement of."""
-
-_POINTS_BACK = re.compile(r"^\s*(?:this|that|which|whom|those|him|her|it|them)\b", re.IGNORECASE)
-_BREAK = re.compile(r"[;:.!?,]|\b(?:and|then|but|while|whereas)\b", re.IGNORECASE)
-_ELSEWHERE = re.compile(r"\bby$|\b(?:after|before) th(?:is|at)\b", re.IGNORECASE)
-"""Passives, and what points at other words: these are left to the encoder."""
 
 Parties = tuple[tuple[int, ...], tuple[int, ...]]
 """Road users that go first, and those that go second."""
@@ -61,7 +49,7 @@ def orient_orders(reading: Reading) -> Reading:
 
 def has_order_words(words: str) -> bool:
     """Whether the words themselves speak of an order; "goes" and "crosses" do not."""
-    return any(each.search(words) for each in (_EARLY, _LATE, _THEN))
+    return any(each.search(words) for each in (_PATTERNS.early, _PATTERNS.late, _PATTERNS.then))
 
 
 def _turn(span: ReadSpan, parties: Parties) -> ReadSpan:
@@ -71,11 +59,11 @@ def _turn(span: ReadSpan, parties: Parties) -> ReadSpan:
 
 def find_direction(reading: Reading, span: ReadSpan) -> Parties | None:
     """The first and the second agent by the words of a span; None where they leave it open."""
-    early, late = _EARLY.search(span.words), _LATE.search(span.words)
+    early, late = _PATTERNS.early.search(span.words), _PATTERNS.late.search(span.words)
     parties = (span.subjects, span.objects)
     unclear = bool(early) == bool(late) or not all(parties) or has_user_noun(span.words)
-    chain = len(reading.users) > 2 and not _GOVERNS.search(span.words)  # "second" of three
-    if unclear or chain or _ELSEWHERE.search(span.words):
+    chain = len(reading.users) > 2 and not _PATTERNS.governs.search(span.words)  # "second" of three
+    if unclear or chain or _PATTERNS.elsewhere.search(span.words):
         return None
     complement = _find_complement(reading, span, parties)
     if complement is not None:
@@ -90,7 +78,7 @@ def find_direction(reading: Reading, span: ReadSpan) -> Parties | None:
 
 def _find_complement(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[int, ...] | None:
     """The agent named right after "before", "after", "second to" and their like."""
-    governed = _GOVERNS.search(span.words)
+    governed = _PATTERNS.governs.search(span.words)
     to = re.match(r"\s+to\b", reading.text[span.end :])
     if not governed and not (to and span.words.lower().endswith("second")):
         return None
@@ -98,13 +86,13 @@ def _find_complement(reading: Reading, span: ReadSpan, parties: Parties) -> tupl
     if found is None:
         return None
     between = reading.text[span.end : found[0].start]
-    return found[1] if not _BREAK.search(between) else None
+    return found[1] if not _PATTERNS.clause_break.search(between) else None
 
 
 def _find_subject(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[int, ...] | None:
     """The agent named last before the words, in one clause with them and as its subject."""
     after = reading.text[span.end :]
-    if _GOVERNS.search(span.words) and _POINTS_BACK.match(after):
+    if _PATTERNS.governs.search(span.words) and _PATTERNS.points_back.match(after):
         return None
     before = [
         (mention, party)
@@ -114,7 +102,7 @@ def _find_subject(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[i
     if before:
         mention, party = max(before, key=lambda each: each[0].end)
         between = reading.text[mention.end : span.start]
-        if not _BREAK.search(between):
+        if not _PATTERNS.clause_break.search(between):
             return party
     return None
 
@@ -123,8 +111,10 @@ def _find_late_subject(
     reading: Reading, span: ReadSpan, parties: Parties
 ) -> tuple[int, ...] | None:
     """The agent named right after "first through is"."""
-    found = _find_next_party(reading, span, parties) if _IS.search(span.words) else None
-    if found is None or _BREAK.search(reading.text[span.end : found[0].start]):
+    found = (
+        _find_next_party(reading, span, parties) if _PATTERNS.copula.search(span.words) else None
+    )
+    if found is None or _PATTERNS.clause_break.search(reading.text[span.end : found[0].start]):
         return None
     return found[1]
 
@@ -140,7 +130,7 @@ def _list_parties(reading: Reading, parties: Parties) -> list[tuple[ReadSpan, tu
     """Every mention of one of the two parties alone."""
     found = []
     for span in reading.spans:
-        if span.tag in (*MENTIONS, "ref"):
+        if span.names_user:
             named = [party for party in parties if set(span.subjects) & set(party)]
             if len(named) == 1:
                 found.append((span, named[0]))

@@ -7,16 +7,14 @@ import re
 from dataclasses import replace
 
 from scenewright.backends.builtin.reader.annotation import MENTIONS
-from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.backends.builtin.reader.reading import Reading, ReadSpan, build_span
+from scenewright.backends.builtin.reader.words import Patterns
 from scenewright.scene.kinds import list_readings
 
-_KNOWN = 0.9
-"""How sure a span is whose words leave no doubt."""
+_PATTERNS = Patterns("reactions")
 
-_TO_AVOID = re.compile(r" (?:to|and) (?:avoids?|dodges?|evades?|escapes?)\b", re.IGNORECASE)
 _THREATS = ("hit", "near")
 """Tags of collisions and near misses, without which there is nothing to react to."""
-_IN_TIME = re.compile(r"\s*(?:in time|(?:hard|early|quickly|soon|fast) enough)", re.IGNORECASE)
 _OF_REACTING = (
     "brake", "decel", "manner", "act", "sight", "thing", "pace", "yield", "react", "motion",
 )  # fmt: skip
@@ -29,13 +27,10 @@ def read_reactions(reading: Reading) -> Reading:
     (unreacting,) = (pattern for pattern, way in list_readings("reaction") if way == "none")
     for match in unreacting.finditer(reading.text):
         owner = _find_owner(spans, match)
-        if owner is None or _IN_TIME.match(reading.text, match.end()):
+        if owner is None or _PATTERNS.in_time.match(reading.text, match.end()):
             continue
         spans = [span for span in spans if not _is_same_statement(span, match)]
-        start, end = match.span()
-        spans.append(
-            ReadSpan(start, end, match[0], "reaction", "none", False, None, (owner,), (), _KNOWN)
-        )
+        spans.append(build_span(match, "reaction", "none", (owner,)))
     spans = _add_ways(reading, spans)
     return reading if spans == list(reading.spans) else _replace_spans(reading, spans)
 
@@ -52,10 +47,7 @@ def _add_ways(reading: Reading, spans: list[ReadSpan]) -> list[ReadSpan]:
         if owner not in reading.users or threats is None:
             continue
         spans = [s for s in threats if s.tag in _THREATS or not _is_same_statement(s, match)]
-        start, end = match.span()
-        spans.append(
-            ReadSpan(start, end, match[0], "reaction", way, False, None, (owner,), (), _KNOWN)
-        )
+        spans.append(build_span(match, "reaction", way, (owner,)))
     return spans
 
 
@@ -65,7 +57,7 @@ def _find_threats(
     """The spans, where something threatens; a contact that is avoided so is a near miss."""
     if any(span.tag in _THREATS and not span.negated for span in spans):
         return spans
-    avoids = _TO_AVOID.match(reading.text, match.end())
+    avoids = _PATTERNS.to_avoid.match(reading.text, match.end())
     avoided = [s for s in spans if avoids and s.tag == "hit" and s.start >= match.end()]
     if not avoided:
         return None
@@ -79,24 +71,16 @@ def _replace_spans(reading: Reading, spans: list[ReadSpan]) -> Reading:
 
 
 def _is_same_statement(span: ReadSpan, match: re.Match[str]) -> bool:
-    return span.tag in _OF_REACTING and _is_overlapping(span, match)
-
-
-def _is_overlapping(span: ReadSpan, match: re.Match[str]) -> bool:
-    return span.start < match.end() and match.start() < span.end
+    return span.tag in _OF_REACTING and span.overlaps(match)
 
 
 def _find_owner(spans: list[ReadSpan], match: re.Match[str]) -> int | None:
     """The agent described: the one that the words name or belong to, else the last one named."""
     for span in spans:
-        if (
-            _is_overlapping(span, match)
-            and span.subjects
-            and span.tag in (*MENTIONS, *_OF_REACTING)
-        ):
+        if span.overlaps(match) and span.subjects and span.tag in (*MENTIONS, *_OF_REACTING):
             return span.subjects[0]
-    named = [s for s in spans if s.tag in (*MENTIONS, "ref") and s.end <= match.start()]
-    named.sort(key=lambda each: each.end)
+    named = [span for span in spans if span.names_user and span.end <= match.start()]
+    named.sort(key=lambda span: span.end)
     if not named or not named[-1].subjects:
         return None
     # "A car hits a cyclist without braking" is said of the one that the sentence is about.

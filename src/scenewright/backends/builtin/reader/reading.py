@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.annotation import (
     KINDS,
+    MENTIONS,
     PAIRS,
     SEPARATOR,
 )
@@ -66,6 +69,37 @@ class ReadSpan:
     confidence: float
     label_confidence: float = 1.0
 
+    @property
+    def users(self) -> tuple[int, ...]:
+        """The road users that it is said of, and those that it happens to."""
+        return (*self.subjects, *self.objects)
+
+    @property
+    def names_user(self) -> bool:
+        """Whether the words name a road user or an object, for the first time or again."""
+        return self.tag in (*MENTIONS, "ref")
+
+    def overlaps(self, match: re.Match[str]) -> bool:
+        """Whether the words of a match are among these, in part at least."""
+        return self.start < match.end() and match.start() < self.end
+
+
+RULE_CONFIDENCE = 0.9
+"""How sure a span is that a rule finds, whose words leave no doubt."""
+
+
+def build_span(
+    match: re.Match[str],
+    tag: str,
+    value: str | None,
+    subjects: tuple[int, ...],
+    group: str | int = 0,
+) -> ReadSpan:
+    """The span of words that a rule finds, or of a group of them."""
+    return ReadSpan(
+        *match.span(group), match[group], tag, value, False, None, subjects, (), RULE_CONFIDENCE
+    )
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -81,6 +115,11 @@ class Reading:
     kind_confidence: float
     spans: tuple[ReadSpan, ...]
     users: dict[int, int]
+
+    def select_spans(self, kept: Sequence[int]) -> Reading:
+        """The reading of the spans with these numbers, and of the users that they introduce."""
+        users = {user: kept.index(at) for user, at in self.users.items() if at in kept}
+        return replace(self, spans=tuple(self.spans[at] for at in kept), users=users)
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,22 @@ WORDS: dict[str, Any] = VOCABULARY["words"]
 """What single rules look for: module -> name -> a pattern or a list."""
 
 
-def compile_words(name: str, flags: re.RegexFlag = re.IGNORECASE) -> re.Pattern[str]:
-    """The pattern of the vocabulary by this name, such as `merging.driver`."""
-    module, _, key = name.partition(".")
-    return re.compile(fill_in(WORDS[module][key]), flags)
+class Patterns:
+    """The patterns of a part of the vocabulary, by name; each is compiled when first asked for.
+
+    Capitals do not matter, where a pattern does not say so itself.
+    """
+
+    def __init__(self, part: str) -> None:
+        self._part = part
+
+    def __getattr__(self, name: str) -> re.Pattern[str]:
+        """The pattern of that name."""
+        if name not in WORDS[self._part]:
+            raise AttributeError(f"the vocabulary has no {self._part}.{name}")
+        pattern = re.compile(fill_in(WORDS[self._part][name]), re.IGNORECASE)
+        setattr(self, name, pattern)
+        return pattern
 
 
 def fill_in(pattern: str) -> str:

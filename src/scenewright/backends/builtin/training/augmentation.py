@@ -14,17 +14,12 @@ from scenewright.backends.builtin.reader.annotation import (
     AnnotatedText,
     Span,
 )
-from scenewright.backends.builtin.reader.words import compile_words
+from scenewright.backends.builtin.reader.words import Patterns
+
+_PATTERNS = Patterns("augmentation")
 
 _NAMES = ("north", "east", "south", "west")
 _LETTERS = "NESW"
-_WORD = compile_words("augmentation.word")
-_BOUND = re.compile(r"(?<![A-Za-z])([NESWnesw])(/?[Bb])(?![A-Za-z])")
-_LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?![A-Za-z'’])")
-_TURN = re.compile(r"\b(left|right)(?=\b|er|ward|s\b|-)", re.IGNORECASE)
-_TURN_SHORT = re.compile(r"(?<![A-Za-z])([LRlr])(?=[Tt]?(?![A-Za-z]))")
-_KEPT = compile_words("augmentation.kept")
-_UNTURNED = compile_words("augmentation.unturned")
 _SWAPPED = (*MENTIONS, "time", "bgveh", "bgped", "bgall", "density", "weather", "place", "pace")
 _OPENERS = (
     "Show me {}", "Please make {}", "I need a scene where {}", "scene: {}", "Generate: {}",
@@ -115,7 +110,7 @@ def turn(row: AnnotatedText, quarters: int, *, mirrored: bool) -> AnnotatedText:
 
     A text with words that do not turn along, such as "top of the map", stays as it is.
     """
-    if (not quarters and not mirrored) or _UNTURNED.search(row.text):
+    if (not quarters and not mirrored) or _PATTERNS.unturned.search(row.text):
         return row
     flipped = {"left": "right", "right": "left"} if mirrored else {}
 
@@ -127,7 +122,7 @@ def turn(row: AnnotatedText, quarters: int, *, mirrored: bool) -> AnnotatedText:
         value = flipped.get(value or "", value)
         tag = flipped.get(span.tag, span.tag)
         if mirrored and (tag != span.tag or value != span.value):
-            words = _TURN_SHORT.sub(
+            words = _PATTERNS.turn_short.sub(
                 lambda m: _match_case(m[1], "r" if m[1] in "lL" else "l"), words
             )
         return words, replace(span, tag=tag, value=value)
@@ -152,21 +147,21 @@ def _turn_words(words: str, quarters: int, mirrored: bool, *, letters: bool = Fa
         tail = match[2] if match.re.groups > 1 else ""
         return (found if match[1].isupper() else found.lower()) + tail
 
-    words = _BOUND.sub(replace_letter, _WORD.sub(replace_name, words))
+    words = _PATTERNS.bound.sub(replace_letter, _PATTERNS.word.sub(replace_name, words))
     if letters:
-        words = _LETTER.sub(replace_letter, words)
+        words = _PATTERNS.letter.sub(replace_letter, words)
     return _swap_turns(words) if mirrored else words
 
 
 def _swap_turns(words: str) -> str:
-    kept = [match.span() for match in _KEPT.finditer(words)]
+    kept = [match.span() for match in _PATTERNS.kept.finditer(words)]
 
     def swap_word(match: re.Match[str]) -> str:
         if any(start <= match.start() < end for start, end in kept):
             return match[0]
         return _match_case(match[1], "left" if match[1].lower() == "right" else "right")
 
-    return _TURN.sub(swap_word, words)
+    return _PATTERNS.turn.sub(swap_word, words)
 
 
 def _match_case(model: str, word: str) -> str:
