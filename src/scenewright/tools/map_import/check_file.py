@@ -11,8 +11,8 @@ import gzip
 import stat
 import zlib
 from pathlib import Path
-from typing import Any, Literal
-from xml.parsers import expat
+from typing import Literal
+from xml.etree import ElementTree
 
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
@@ -51,13 +51,14 @@ def detect_map_format(file: Path) -> MapFormat:
     if file.suffix == ".json":
         return "argoverse2"
     scan = _Scan(file)
+    parser = ElementTree.XMLParser(target=scan)
     try:
-        scan.read()
-    except expat.ExpatError as fault:
-        raise InputError(
-            f"{file} is not well-formed XML ({expat.ErrorString(fault.code)}, line {fault.lineno});"
-            " is it cut off?"
-        ) from None
+        with file.open("rb") as stream:
+            while block := stream.read(_BLOCK):
+                parser.feed(block)
+        parser.close()
+    except ElementTree.ParseError as fault:
+        raise InputError(f"{file} is not well-formed XML ({fault}); is it cut off?") from None
     except OSError as fault:
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
     if scan.format is None:
@@ -127,7 +128,7 @@ def _check_size(file: Path) -> None:
 
 
 class _Scan:
-    """One pass over a document with expat, which keeps nothing of it."""
+    """What a parser meets of a document, of which nothing is kept."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -135,19 +136,8 @@ class _Scan:
         self.has_lanelets = False
         self._elements = self._depth = 0
 
-    def read(self) -> None:
-        parser: Any = expat.ParserCreate()
-        parser.StartElementHandler = self._start_element
-        parser.EndElementHandler = self._end_element
-        parser.StartDoctypeDeclHandler = self._refuse_declaration
-        parser.EntityDeclHandler = self._refuse_declaration
-        parser.ExternalEntityRefHandler = self._refuse_declaration
-        with self.file.open("rb") as stream:
-            while block := stream.read(_BLOCK):
-                parser.Parse(block, False)
-        parser.Parse(b"", True)
-
-    def _start_element(self, name: str, attributes: dict[str, str]) -> None:
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        name = name.rpartition("}")[2]  # without its namespace
         self._elements += 1
         self._depth += 1
         if self._depth == 1:
@@ -161,10 +151,10 @@ class _Scan:
         if name == "tag" and attributes.get("k") == "type" and attributes.get("v") == "lanelet":
             self.has_lanelets = True
 
-    def _end_element(self, _name: str) -> None:
+    def end(self, _name: str) -> None:
         self._depth -= 1
 
-    def _refuse_declaration(self, *_: object) -> None:
+    def doctype(self, *_: object) -> None:
         raise InputError(
             f"{self.file} declares a document type or entities, which no map needs; "
             "remove the <!DOCTYPE ...> if you trust the file"

@@ -216,7 +216,7 @@ def _build_junction(
                 leads = "out" if piece.start == node else "in"
                 leads = leads if piece.is_one_way else "in out"
                 arms.append(Arm(line, piece.name_at(node), leads))
-    middle = np.mean([places[node] for node in nodes], axis=0)
+    middle = np.mean([places[node] for node in sorted(nodes)], axis=0)
     found = []
     for own in group_arms(arms):
         ahead = sum(np.exp(1j * measure_bearing(arms[i].line)) for i in own)
