@@ -699,9 +699,8 @@ def _take_last_run(line: FloatArray, inside: Any) -> FloatArray:
     where = np.flatnonzero(inside)
     if len(where) < 2:
         return line[-2:]
-    breaks = np.flatnonzero(np.diff(where) > 1)
-    first = where[breaks[-1] + 1] if len(breaks) else where[0]
-    return line[first : where[-1] + 1]
+    run = np.split(where, np.flatnonzero(np.diff(where) > 1) + 1)[-1]
+    return line[run[0] : run[-1] + 1]
 
 
 def _build_lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenewright.geometry.polyline import drop_doubled_points, rotate_left
+from scenewright.geometry.polyline import rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.survey import SurveyCrossing
 
@@ -61,12 +61,10 @@ def _list_marks(elements: FileElements) -> Iterator[tuple[str, FloatArray]]:
            if tags.get("subtype") == "crosswalk")  # fmt: skip
     bounds = {ref for members in own for _, ref in members}
     for name, (tags, _) in elements.ways.items():
-        line = elements.trace_way(name)
-        if tags.get("type") not in _MARKS or name in bounds or len(line) < 2:
-            continue
-        ends = drop_doubled_points(line)[[0, -1]]
-        if float(np.hypot(*(ends[1] - ends[0]))) >= _SHORTEST_MARK:
-            yield name, ends
+        if tags.get("type") in _MARKS and name not in bounds:
+            line = elements.trace_way(name)
+            if len(line) > 1 and math.dist(line[0], line[-1]) >= _SHORTEST_MARK:
+                yield name, line[[0, -1]]
 
 
 def _pair_marks(marks: Mapping[str, FloatArray]) -> Iterator[SurveyCrossing]:

@@ -19,7 +19,6 @@ ROUNDABOUT = (
     "a roundabout is one intersection: vehicles keep to its ring, and give way as they enter"
 )
 """What is said of one that is imported."""
-_OTHER_SOURCE = "the same place from OpenStreetMap can be imported"
 _LONGEST = 450.0
 """Round a ring [m]."""
 _HALF_LANE = 1.75
@@ -76,7 +75,7 @@ class Ring:
             return ""
         return (
             "the file's lanes lead both ways round its ring, and a roundabout is driven one way; "
-            f"{_OTHER_SOURCE}"
+            "the same place from OpenStreetMap can be imported"
         )
 
 
