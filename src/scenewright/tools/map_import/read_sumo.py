@@ -146,7 +146,6 @@ def _survey_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide |
             f"junction {chosen.id} of {file} ({chosen.name}) cannot be imported: netconvert finds "
             "no junction there, as where a street ends at the edge of the file"
         )
-    nodes |= _list_between(net, nodes)
     places = [net.getNode(name).getCoord()[:2] for name in sorted(nodes)]
     x, y = np.mean(places, axis=0).tolist()
     group = replace(chosen, nodes=frozenset(nodes), xy=(x, y))
@@ -174,20 +173,6 @@ def _add_features(
         survey, crossings=(*survey.crossings, *crossings), lights=tuple(lights), phases=(),
         drawn=keep_near(drawn, np.array(survey.offset)),
     )  # fmt: skip
-
-
-def _list_between(net: Any, nodes: set[str]) -> set[str]:
-    """Nodes from which one can only come from and go to those: where a piece inside is cut."""
-    around = {
-        node.getID(): {
-            *(edge.getFromNode().getID() for edge in node.getIncoming()),
-            *(edge.getToNode().getID() for edge in node.getOutgoing()),
-        }
-        for name in nodes
-        for edge in (*net.getNode(name).getIncoming(), *net.getNode(name).getOutgoing())
-        for node in (edge.getFromNode(), edge.getToNode())
-    }
-    return {name for name, ends in around.items() if len(ends) > 1 and ends <= nodes}
 
 
 def _find_rings(net: Any) -> list[Ring]:
