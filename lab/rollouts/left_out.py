@@ -75,7 +75,7 @@ def _read(folder: Path, site: str, sessions: Sequence[Path]) -> _LeftOutMap:
     if len(files) == 1:
         raise InputError(f"{files[0].name} is the only recording of {site}: none is left to fit on")
     made = import_map(maps[-1], name=site, signals="none")
-    return _LeftOutMap(made.intersection_map, made.route_lines, made.origin, tuple(files))
+    return _LeftOutMap(made.intersection_map, made.route_lines, made.survey.origin, tuple(files))
 
 
 def _name(file: FileTracks) -> str:

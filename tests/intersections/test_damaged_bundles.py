@@ -106,7 +106,7 @@ def test_an_array_that_claims_more_than_there_is_is_refused(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("count", [0, 1, 2, 12, 13])
 def test_a_lane_of_few_points_has_no_curvature(count: int) -> None:
-    from scenewright.tools.map_import.read_lanelet2 import _measure_curvature
+    from scenewright.tools.map_import.survey_lanes import _measure_curvature
 
     line = np.stack((np.arange(count) * 0.5, np.zeros(count)), axis=1)
     assert _measure_curvature(line).tolist() == [0.0] * count

@@ -97,7 +97,7 @@ def import_file(file: str, options: ImportOptions, *, log: ProgressCallback) -> 
             "map_sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest(),
             "priors": "derived from the map and the pool of amsterdam_120; nothing was seen there",
         },
-        frame={"origin": made.origin, "offset": made.offset},
+        frame={"origin": made.survey.origin, "offset": made.survey.offset},
         notes=made.notes,
         licence=options.licence,
         force=options.force,

@@ -48,7 +48,8 @@ def bundle(made, tmp_path, monkeypatch):
     place, ways = made.intersection_map, made.route_lines
     return write_custom_bundle(
         "four", place, ways, derive_priors(place, ways),
-        provenance={"map": 'a "quoted" name\n'}, frame={"origin": made.origin}, notes=["a note"],
+        provenance={"map": 'a "quoted" name\n'}, frame={"origin": made.survey.origin},
+        notes=["a note"],
     )  # fmt: skip
 
 
@@ -155,7 +156,7 @@ def test_tracks_are_matched_to_routes_and_said_to_be_open_or_off(place, ways):
 def test_a_bundle_comes_back_as_it_was_written(bundle, made):
     own = open_custom_bundle("four")
     assert own.intersection_map == made.intersection_map
-    assert own.origin == pytest.approx(made.origin)
+    assert own.origin == pytest.approx(made.survey.origin)
     assert own.header["format"] == FORMAT
     assert own.header["provenance"]["map"] == 'a "quoted" name\n'
     for name, lines in made.route_lines.items():
@@ -171,7 +172,8 @@ def test_the_same_map_gives_the_same_bytes(bundle, made, tmp_path, monkeypatch):
     place, ways = made.intersection_map, made.route_lines
     again = write_custom_bundle(
         "four", place, ways, derive_priors(place, ways),
-        provenance={"map": 'a "quoted" name\n'}, frame={"origin": made.origin}, notes=["a note"],
+        provenance={"map": 'a "quoted" name\n'}, frame={"origin": made.survey.origin},
+        notes=["a note"],
     )  # fmt: skip
     for file in bundle.iterdir():
         assert (again / file.name).read_bytes() == file.read_bytes(), file.name

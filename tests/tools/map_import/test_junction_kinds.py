@@ -14,7 +14,7 @@ from scenewright.tools.map_import import import_map, list_junctions
 from scenewright.tools.map_import.assemble import assemble_map
 from scenewright.tools.map_import.driving_side import find_opendrive_side
 from scenewright.tools.map_import.opendrive_features import read_opendrive_file
-from scenewright.tools.map_import.read_lanelet2 import _Path
+from scenewright.tools.map_import.survey_lanes import _Path
 from tests.tools.map_import.test_junctions import network
 from tests.tools.map_import.test_rings import bend, commonroad, list_lanes
 

@@ -156,7 +156,7 @@ def test_a_junction_is_chosen_by_its_streets_and_ids_outlast_the_driving_side(to
     lon = map_files.ORIGIN[1]
     for left in (False, True):
         made = import_map(town, name="x", junction="101", left_hand=left)
-        assert made.origin[1] > lon + 0.01
+        assert made.survey.origin[1] > lon + 0.01
         assert {leg.road for leg in made.intersection_map.legs} == {
             "Elm Street", "Mill Road", "King's Avenue",
         }  # fmt: skip

@@ -11,7 +11,8 @@ from scenewright.errors import InputError
 from scenewright.tools.formats.lanelet2 import write_lanelet2
 from scenewright.tools.formats.womd import load_scenario_class, write_records
 from scenewright.tools.map_import import import_map, list_junctions
-from scenewright.tools.map_import.read_lanelet2 import FileLanelet, LaneletFile, load_lanelet2
+from scenewright.tools.map_import.lane_graph import FileLane, LaneGraph
+from scenewright.tools.map_import.read_lanelet2 import load_lanelet2
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def commonroad(held, target):
 
     sides = [
         bound("leftBound", each.left) + bound("rightBound", each.right)
-        for each in held.lanelets.values()
+        for each in held.lanes.values()
     ]
     lanes = "".join(f'<lanelet id="{k}">{each}</lanelet>' for k, each in enumerate(sides, start=1))
     target.write_text(f'<commonRoad commonRoadVersion="2020a">{lanes}</commonRoad>')
@@ -47,7 +48,7 @@ def argoverse(held, target):
             "id": int(name), "lane_type": "VEHICLE",
             "left_lane_boundary": bound(each.left), "right_lane_boundary": bound(each.right),
         }
-        for name, each in held.lanelets.items()
+        for name, each in held.lanes.items()
     }  # fmt: skip
     target.write_text(json.dumps({"lane_segments": lanes, "pedestrian_crossings": {}}))
     return target
@@ -55,10 +56,10 @@ def argoverse(held, target):
 
 def waymo(held, target):
     scenario = load_scenario_class()()
-    for name, each in held.lanelets.items():
+    for name, each in held.lanes.items():
         feature = scenario.map_features.add(id=int(name))
         feature.lane.type = 2
-        for x, y in each.middle:
+        for x, y in each.line:
             feature.lane.polyline.add(x=x, y=y)
     target.write_bytes(write_records([scenario.SerializeToString()]))
     return target
@@ -76,14 +77,14 @@ def test_lanes_of_other_formats_are_the_same_junction(file, direct, tmp_path, wr
 
 
 def test_bends_of_the_next_junction_are_not_this_ones(file, tmp_path):
-    lanes = load_lanelet2(file).lanelets.values()
+    lanes = load_lanelet2(file).lanes.values()
     pair = {
-        f"{k}": FileLanelet(f"{k}", *(np.clip(x, -30, 30) + np.array([east, 0]) for x in sides), {})
+        f"{k}": FileLane(f"{k}", *(np.clip(x, -30, 30) + np.array([east, 0]) for x in sides))
         for k, (east, sides) in enumerate(
             (east, (each.left, each.right)) for east in (0, 60) for each in lanes
         )
     }
-    target = commonroad(LaneletFile(file, pair, (), None), tmp_path / "two.xml")
+    target = commonroad(LaneGraph(file, pair), tmp_path / "two.xml")
     found = list_junctions(target).junctions
     assert [each.legs for each in found] == [4, 4]
     assert len({each.id for each in found}) == 2
@@ -121,5 +122,5 @@ def test_a_lane_as_long_as_a_continent_is_refused(tmp_path, place):
     )
     file = tmp_path / "far.xml"
     file.write_text(f'<commonRoad><lanelet id="7">{bounds}</lanelet></commonRoad>')
-    with pytest.raises(InputError, match=r"lanelet 7 is .* m long|cannot be read"):
+    with pytest.raises(InputError, match=r"lane 7 is .* m long|cannot be read"):
         import_map(file, name="x")

@@ -87,7 +87,7 @@ def test_a_lanelet2_junction_is_whole(lanelets):
     assert lanelets.map_format == "lanelet2"
     assert {leg.name for leg in place.legs} == {"north", "east", "south", "west"}
     assert len(place.movements) == 12
-    assert lanelets.origin == pytest.approx(map_files.ORIGIN, abs=1e-6)
+    assert lanelets.survey.origin == pytest.approx(map_files.ORIGIN, abs=1e-6)
 
 
 def test_a_mapped_crosswalk_stays_where_it_is_and_derived_ones_are_reported(lanelets):
@@ -158,8 +158,8 @@ def test_of_several_junctions_one_is_chosen_by_id_or_centre_and_else_they_are_li
         import_map(file, name="two")
     by_id = import_map(file, name="two", junction="101")
     lat, lon = map_files.ORIGIN
-    assert by_id.origin[1] > lon + 0.01
-    by_place = import_map(file, name="two", center=by_id.origin)
+    assert by_id.survey.origin[1] > lon + 0.01
+    by_place = import_map(file, name="two", center=by_id.survey.origin)
     assert by_place.intersection_map == by_id.intersection_map
     with pytest.raises(InputError, match="no junction 'nowhere'"):
         import_map(file, name="two", junction="nowhere")

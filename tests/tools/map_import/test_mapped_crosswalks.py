@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -71,7 +72,7 @@ def test_crossing_nodes_and_ways_of_openstreetmap_are_where_the_file_has_them(tm
     assert facts["east"].sources == ("node 901",)
     assert facts["north"].sources == ("way 990",)
     for leg, there in (("east", (17.0, 0.0)), ("north", (0.0, 21.0))):
-        middle = np.array(facts[leg].middle) + made.offset - _shift(made)
+        middle = np.array(facts[leg].middle) + made.survey.offset - _shift(made)
         assert middle == pytest.approx(there, abs=0.6)
     assert facts["west"].origin == facts["south"].origin == "derived"
     assert facts["west"].nearest > 20.0
@@ -80,7 +81,7 @@ def test_crossing_nodes_and_ways_of_openstreetmap_are_where_the_file_has_them(tm
 
 def _shift(made):
     """Where the hand-written junction lies in the coordinates of the file [m]."""
-    return project_ellipsoid(made.file_origin, map_files.ORIGIN)
+    return project_ellipsoid(made.survey.file_origin, map_files.ORIGIN)
 
 
 @pytest.mark.parametrize(
@@ -130,16 +131,18 @@ def test_an_opendrive_crosswalk_on_a_curved_road_is_where_its_corners_say(tmp_pa
 def test_two_zebra_lines_are_one_crossing_and_a_lanelets_bounds_are_not_read_twice():
     places = {"a": (-6, 0), "b": (6, 0), "c": (6, 4), "d": (-6, 4), "e": (-6, 40), "f": (6, 40)}
     elements = FileElements(
-        nodes={name: (y * METRE, x * METRE) for name, (x, y) in places.items()},
-        ways={"1": ["a", "b"], "2": ["c", "d"], "3": ["e", "f"]},
-        way_tags={name: {"type": "zebra_marking"} for name in "123"},
+        origin=(0.0, 0.0),
+        nodes={name: np.array(xy, dtype=float) for name, xy in places.items()},
+        ways={name: ({"type": "zebra_marking"}, ends) for name, *ends in ("1ab", "2cd", "3ef")},
+        relations={},
     )
-    pair, single = read_lanelet2_crossings(elements, (), (0.0, 0.0))
+    pair, single = read_lanelet2_crossings(elements, ())
     assert pair.line.mean(axis=0) == pytest.approx([0.0, 2.0], abs=0.02)
     assert pair.width == pytest.approx(4.0, abs=0.02)
     assert single.source == "zebra line 3"
-    elements.relations.append(({"subtype": "crosswalk"}, [("left", "1"), ("right", "2")]))
-    assert [x.source for x in read_lanelet2_crossings(elements, (), (0.0, 0.0))] == ["zebra line 3"]
+    crosswalk = {"type": "lanelet", "subtype": "crosswalk"}, [("left", "1"), ("right", "2")]
+    drawn = replace(elements, relations={"9": crosswalk})
+    assert [x.source for x in read_lanelet2_crossings(drawn, ())] == ["zebra line 3"]
 
 
 def test_one_crossing_drawn_as_node_and_way_counts_once(tmp_path):

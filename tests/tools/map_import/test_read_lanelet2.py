@@ -8,7 +8,7 @@ import pytest
 
 import map_files
 from scenewright.geometry.geographic import project_mercator
-from scenewright.tools.map_import.read_lanelet2 import build_lanelets, chain_pieces, read_elements
+from scenewright.tools.map_import.read_lanelet2 import chain_pieces, load_lanelet2
 
 TAF = os.environ.get("SCENEWRIGHT_TAF_BW")
 
@@ -37,10 +37,9 @@ def maps(folder):
 def test_the_library_sees_the_same_lanelets(tmp_path):
     library = pytest.importorskip("lanelet2")
     for file in maps(tmp_path):
-        elements = read_elements(file)
-        middle = tuple(np.mean(list(elements.nodes.values()), axis=0).tolist())
-        lanes, foot = build_lanelets(elements, middle, file, [])
-        ours = {**lanes, **{lane.id: lane for lane in foot}}
+        graph = load_lanelet2(file)
+        middle = graph.origin
+        ours = {**graph.lanes, **{lane.id: lane for lane in graph.foot}}
         frame = library.projection.UtmProjector(library.io.Origin(*middle))
         read, _ = library.io.loadRobust(str(file), frame)
         theirs = {str(each.id): each for each in read.laneletLayer}
@@ -49,5 +48,5 @@ def test_the_library_sees_the_same_lanelets(tmp_path):
             middles = [library.core.BasicPoint3d(p.x, p.y, p.z) for p in theirs[name].centerline]
             points = [frame.reverse(each) for each in middles]
             line = np.array([project_mercator(middle, (point.lat, point.lon)) for point in points])
-            away = np.hypot(*(line[:, None] - lane.middle[None]).transpose(2, 0, 1)).min(axis=1)
+            away = np.hypot(*(line[:, None] - lane.line[None]).transpose(2, 0, 1)).min(axis=1)
             assert float(np.quantile(away, 0.9)) < 0.6, name

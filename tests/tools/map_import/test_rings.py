@@ -105,5 +105,5 @@ def test_lanes_of_car_parks_and_buses_are_dropped_and_counted(tmp_path):
     from scenewright.tools.map_import.read_lane_maps import load_lane_map
 
     held = load_lane_map(file, "commonroad")
-    assert len(held.lanelets) == 21
+    assert len(held.lanes) == 21
     assert held.notes[0].startswith("3 lanes were dropped")

@@ -136,12 +136,14 @@ def test_names_of_lanelets_are_no_streets(name, street):
 def test_a_light_of_a_stop_line_counts_without_a_lanelet_that_names_it():
     from scenewright.tools.map_import.read_lanelet2 import _list_lights
 
+    rule = {"type": "regulatory_element", "subtype": "traffic_light"}
     elements = FileElements(
-        nodes={"1": (0.0, 0.0), "2": (0.0, 0.00002)},
-        ways={"9": ["1", "2"]},
-        rules={"5": ({"subtype": "traffic_light"}, [("ref_line", "9"), ("refers", "8")])},
+        origin=(0.0, 0.0),
+        nodes={"1": np.array((0.0, 0.0)), "2": np.array((2.22, 0.0))},
+        ways={"9": ({}, ["1", "2"])},
+        relations={"5": (rule, [("ref_line", "9"), ("refers", "8")])},
     )
-    (place,) = _list_lights(elements, {}, (0.0, 0.0))
+    (place,) = _list_lights(elements, {})
     assert place == pytest.approx((1.11, 0.0), abs=0.01)
 
 

@@ -140,7 +140,7 @@ def test_crossings_of_a_network_are_where_it_has_them_and_obey_its_programme(tmp
     place = made.intersection_map
     assert [fact.origin for fact in made.crosswalks] == ["file"] * 4
     for walk in place.crosswalks:
-        own = np.mean(walk.centreline, axis=0) + made.offset
+        own = np.mean(walk.centreline, axis=0) + made.survey.offset
         assert min(np.hypot(*(own - middle)) for middle in middles) < 1.5
     assert place.signals.cycle == pytest.approx(
         sum(float(each.attrib["duration"]) for each in root.iter("phase"))

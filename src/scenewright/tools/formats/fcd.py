@@ -6,6 +6,7 @@ SUMO's tools ignore.
 
 from __future__ import annotations
 
+import io
 import math
 from xml.etree import ElementTree
 
@@ -70,7 +71,7 @@ def read(data: bytes, *, name: str) -> list[SampledRecording]:
         except (KeyError, ValueError):
             raise InputError(f"{name} has a {tag} without usable id, time, x, y") from None
 
-    walk_xml(data, name=name, StartElementHandler=start)
+    walk_xml(io.BytesIO(data), start, name=name)
     return [SampledRecording("", table.list_agents(), notes=describe_rides(rides))]
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Callable
-from typing import NoReturn
+from typing import BinaryIO, NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -45,41 +46,52 @@ def parse_xml(data: bytes, *, name: str) -> ElementTree.Element:
 
     Raises:
         InputError: not well-formed, nested too deeply, or with a document type or entities, which
-            no format of tracks needs and which can be made to blow up.
+            no format needs and which can be made to blow up.
     """
-    builder, depth = ElementTree.TreeBuilder(), 0
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > MOST_DEPTH:
-            raise InputError(f"{name} is nested more than {MOST_DEPTH} deep")
-        builder.start(tag, attributes)
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag)
-
-    walk_xml(data, name=name, StartElementHandler=start, EndElementHandler=end,
-             CharacterDataHandler=builder.data)  # fmt: skip
+    builder = ElementTree.TreeBuilder()
+    walk_xml(io.BytesIO(data), builder.start, builder.end, builder.data, name=name)
     return builder.close()
 
 
-def walk_xml(data: bytes, *, name: str, **handlers: Callable[..., object]) -> None:
-    """Call the handlers of expat as elements come; raises as `parse_xml`, but for the depth."""
+def walk_xml(
+    data: BinaryIO,
+    start: Callable[[str, dict[str, str]], object],
+    end: Callable[[str], object] | None = None,
+    text: Callable[[str], object] | None = None,
+    *,
+    name: str,
+) -> None:
+    """Call handlers as elements begin, as they end and as text comes; raises as `parse_xml`."""
+    depth = 0
+
+    def begin_element(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MOST_DEPTH:
+            raise InputError(f"{name} is nested deeper than {MOST_DEPTH} elements")
+        start(tag, attributes)
+
+    def end_element(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        if end is not None:
+            end(tag)
 
     def refuse(*_: object) -> NoReturn:
-        raise InputError(f"{name} declares a document type or entities; no file of tracks does")
+        raise InputError(
+            f"{name} declares a document type or entities, which no format needs; "
+            "remove the <!DOCTYPE ...> if you trust the file"
+        )
 
     parser = expat.ParserCreate()
-    refused = {"StartDoctypeDeclHandler": refuse, "EntityDeclHandler": refuse}
-    for key, handler in (handlers | refused).items():
-        setattr(parser, key, handler)
+    parser.StartElementHandler, parser.EndElementHandler = begin_element, end_element
+    parser.CharacterDataHandler = text
+    parser.StartDoctypeDeclHandler = refuse  # nothing else declares entities
     try:
-        parser.Parse(data, True)
+        parser.ParseFile(data)
     except expat.ExpatError as error:
-        raise InputError(f"{name}, line {error.lineno}: not well-formed XML") from error
+        told = f"{name}, line {error.lineno}: not well-formed XML; is it cut off?"
+        raise InputError(told) from error
 
 
 def parse_number(text: str | None, *, name: str, what: str) -> float:

@@ -1,8 +1,9 @@
 """Maps of real junctions from SUMO, OpenStreetMap, OpenDRIVE and Lanelet2 files (SEMANTICS 2).
 
-`check_file` makes sure that a file is safe to read, `read_sumo` and `read_lanelet2` make a `survey`
-of one junction of it, `legs` names its arms, `ground_areas` derives the ground, `signal_programs`
-the signals, and `assemble` builds the map and reports what was assumed.
+`check_file` makes sure that a file is safe to read, `read_sumo` and `survey_lanes` list its
+junctions and make a `survey` of the one that `junction_choice` chooses, `legs` names its arms,
+`ground_areas` derives the ground, `signal_programs` the signals, and `assemble` builds the map and
+reports what was assumed.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
 from scenewright.tools.map_import.check_file import (
@@ -19,11 +19,12 @@ from scenewright.tools.map_import.check_file import (
     require_sumo,
     unpack_map,
 )
-from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview
-from scenewright.tools.map_import.osm_streets import survey_osm_junctions
-
-if TYPE_CHECKING:
-    from scenewright.tools.map_import.read_lanelet2 import LaneletFile
+from scenewright.tools.map_import.junction_choice import (
+    Junction,
+    JunctionOverview,
+    choose_junction,
+)
+from scenewright.tools.map_import.survey import DrivingSide
 
 __all__ = [
     "ImportedMap",
@@ -64,16 +65,11 @@ def import_map(
         path = unpack_map(Path(file), Path(scratch))
         map_format = detect_map_format(path)
         require_sumo(map_format)
-        # Each reader is loaded on demand: they need libraries that the others do not.
-        chosen: dict[str, Any] = {"center": center, "junction": junction, "streets": streets}
-        if (held := _load_lanes(path, map_format, center)) is not None:
-            from scenewright.tools.map_import.read_lanelet2 import survey_lanelets
-
-            survey = survey_lanelets(held, **chosen, left_hand=left_hand)
-        else:
-            from scenewright.tools.map_import.read_sumo import read_sumo
-
-            survey = read_sumo(path, map_format, Path(scratch), **chosen, left_hand=left_hand)
+        held = _read_map(path, map_format, Path(scratch), center, left_hand)
+        chosen = choose_junction(
+            held.junctions, file=path, center=center, junction=junction, streets=streets
+        )
+        survey = held.survey(chosen)
     return assemble_map(survey, map_format, name=name, extent=extent, title=title, signals=signals)
 
 
@@ -85,28 +81,29 @@ def list_junctions(file: str | Path) -> JunctionOverview:
     """
     with tempfile.TemporaryDirectory() as scratch:
         path = unpack_map(Path(file), Path(scratch))
-        map_format = detect_map_format(path)
+        return _read_map(path, detect_map_format(path), Path(scratch))
+
+
+def _read_map(
+    path: Path,
+    map_format: MapFormat,
+    scratch: Path,
+    center: tuple[float, float] | None = None,
+    left_hand: bool | None = None,
+) -> JunctionOverview:
+    """The junctions of a file, each of which can be surveyed; scratch: a folder for copies."""
+    side = None if left_hand is None else DrivingSide(left_hand, "as asked")
+    # Each reader is loaded on demand: they need libraries that the others do not.
+    if map_format in ("osm", "opendrive", "sumo"):
+        from scenewright.tools.map_import.read_sumo import read_osm, read_streets
+
         if map_format == "osm":
-            return survey_osm_junctions(path)
-        if (held := _load_lanes(path, map_format)) is not None:
-            from scenewright.tools.map_import.read_lanelet2 import list_lanelet_junctions
+            return read_osm(path, scratch, side)
+        return read_streets(path, map_format, scratch, side)
+    from scenewright.tools.map_import.read_lane_maps import load_lane_map
+    from scenewright.tools.map_import.read_lanelet2 import load_lanelet2
+    from scenewright.tools.map_import.survey_lanes import read_lanes
 
-            return list_lanelet_junctions(held)
-        from scenewright.tools.map_import.read_sumo import survey_junctions
-
-        return survey_junctions(path, map_format, Path(scratch))
-
-
-def _load_lanes(
-    path: Path, map_format: MapFormat, center: tuple[float, float] | None = None
-) -> LaneletFile | None:
-    """The lanes of a file that draws each by itself; None for files of streets."""
-    if map_format == "lanelet2":
-        from scenewright.tools.map_import.read_lanelet2 import load_lanelet2
-
-        return load_lanelet2(path, center)
-    if map_format in ("commonroad", "argoverse2", "womd"):
-        from scenewright.tools.map_import.read_lane_maps import load_lane_map
-
-        return load_lane_map(path, map_format)
-    return None
+    is_lanelet2 = map_format == "lanelet2"
+    held = load_lanelet2(path, center) if is_lanelet2 else load_lane_map(path, map_format)
+    return read_lanes(held, side)

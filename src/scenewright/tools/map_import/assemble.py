@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.geometry.geographic import LatLon
 from scenewright.geometry.polyline import (
     measure_courses,
     measure_length,
@@ -94,9 +93,6 @@ class ImportedMap:
     Attributes:
         route_lines: by route id, the middles of the paths that it may take; for pedestrians one.
         notes: what was derived, assumed or dropped, one fact a line.
-        origin: of the map; None where the file has none.
-        offset: of the origin in the coordinates of the file [m].
-        file_origin: where those are zero; None where the file has no degrees.
         crosswalks: where the crosswalk of each leg comes from.
         items: what was read, derived and assumed, one for each kind of thing.
         survey: what the file said.
@@ -106,9 +102,6 @@ class ImportedMap:
     route_lines: RouteLines
     notes: tuple[str, ...]
     map_format: MapFormat
-    origin: LatLon | None
-    offset: tuple[float, float]
-    file_origin: LatLon | None
     crosswalks: tuple[CrosswalkFact, ...]
     items: tuple[ReportItem, ...]
     survey: Survey
@@ -140,9 +133,6 @@ def assemble_map(
         {**assembly.vehicle_lines, **{k: (line,) for k, line in assembly.crossing_lines.items()}},
         tuple(assembly.notes),
         map_format,
-        survey.origin,
-        survey.offset,
-        survey.file_origin,
         assembly.crosswalk_facts,
         assembly.rate_items(map_format),
         survey,
@@ -709,9 +699,8 @@ def _take_last_run(line: FloatArray, inside: Any) -> FloatArray:
     where = np.flatnonzero(inside)
     if len(where) < 2:
         return line[-2:]
-    breaks = np.flatnonzero(np.diff(where) > 1)
-    first = where[breaks[-1] + 1] if len(breaks) else where[0]
-    return line[first : where[-1] + 1]
+    run = np.split(where, np.flatnonzero(np.diff(where) > 1) + 1)[-1]
+    return line[run[0] : run[-1] + 1]
 
 
 def _build_lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:

@@ -11,11 +11,11 @@ import gzip
 import stat
 import zlib
 from pathlib import Path
-from typing import Any, Literal
-from xml.parsers import expat
+from typing import Literal
 
 from scenewright.errors import InputError
 from scenewright.extras import require_extra
+from scenewright.tools.formats.xml import walk_xml
 
 MapFormat = Literal["osm", "lanelet2", "opendrive", "sumo", "commonroad", "argoverse2", "womd"]
 
@@ -26,7 +26,6 @@ MAX_BYTES = 200_000_000
 MAX_UNPACKED = 600_000_000
 """Of a file packed with gzip, once unpacked [bytes]."""
 MAX_ELEMENTS = 8_000_000
-MAX_DEPTH = 64
 _BLOCK = 1 << 20
 _ROOTS: dict[str, MapFormat] = {
     "osm": "osm", "OpenDRIVE": "opendrive", "net": "sumo", "commonRoad": "commonroad",
@@ -52,12 +51,8 @@ def detect_map_format(file: Path) -> MapFormat:
         return "argoverse2"
     scan = _Scan(file)
     try:
-        scan.read()
-    except expat.ExpatError as fault:
-        raise InputError(
-            f"{file} is not well-formed XML ({expat.ErrorString(fault.code)}, line {fault.lineno});"
-            " is it cut off?"
-        ) from None
+        with file.open("rb") as stream:
+            walk_xml(stream, scan.start, name=str(file))
     except OSError as fault:
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
     if scan.format is None:
@@ -127,45 +122,23 @@ def _check_size(file: Path) -> None:
 
 
 class _Scan:
-    """One pass over a document with expat, which keeps nothing of it."""
+    """What is met of a document, of which nothing is kept."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
         self.format: MapFormat | None = None
         self.has_lanelets = False
-        self._elements = self._depth = 0
+        self._elements = 0
 
-    def read(self) -> None:
-        parser: Any = expat.ParserCreate()
-        parser.StartElementHandler = self._start_element
-        parser.EndElementHandler = self._end_element
-        parser.StartDoctypeDeclHandler = self._refuse_declaration
-        parser.EntityDeclHandler = self._refuse_declaration
-        parser.ExternalEntityRefHandler = self._refuse_declaration
-        with self.file.open("rb") as stream:
-            while block := stream.read(_BLOCK):
-                parser.Parse(block, False)
-        parser.Parse(b"", True)
-
-    def _start_element(self, name: str, attributes: dict[str, str]) -> None:
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        """Takes an element; the first one says what the document is."""
         self._elements += 1
-        self._depth += 1
-        if self._depth == 1:
-            self.format = _ROOTS.get(name)
-            if self.format is None:
-                raise InputError(
-                    f"{self.file} begins with <{name[:40]}>, so it is none of {_SUPPORTED}"
-                )
-        if self._elements > MAX_ELEMENTS or self._depth > MAX_DEPTH:
-            raise InputError(f"{self.file} has more elements, or deeper ones, than a map has")
+        self.format = self.format or _ROOTS.get(name)
+        if self.format is None:
+            raise InputError(
+                f"{self.file} begins with <{name[:40]}>, so it is none of {_SUPPORTED}"
+            )
+        if self._elements > MAX_ELEMENTS:
+            raise InputError(f"{self.file} has more elements than a map has")
         if name == "tag" and attributes.get("k") == "type" and attributes.get("v") == "lanelet":
             self.has_lanelets = True
-
-    def _end_element(self, _name: str) -> None:
-        self._depth -= 1
-
-    def _refuse_declaration(self, *_: object) -> None:
-        raise InputError(
-            f"{self.file} declares a document type or entities, which no map needs; "
-            "remove the <!DOCTYPE ...> if you trust the file"
-        )

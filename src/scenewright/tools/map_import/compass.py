@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
 from scenewright.scene.base import Compass
 
-COMPASS_RING: tuple[Compass, ...] = (
-    "north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest",
-)  # fmt: skip
+COMPASS_RING: tuple[Compass, ...] = get_args(Compass)
 """Clockwise."""
 
 

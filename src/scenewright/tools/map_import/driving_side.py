@@ -30,11 +30,6 @@ _PLACEHOLDER_DEGREES = 0.05
 """Coordinates that are closer to zero are placeholders [deg]."""
 
 
-def take_option(left_hand: bool | None) -> DrivingSide | None:
-    """The side that the user names."""
-    return None if left_hand is None else DrivingSide(left_hand, "as asked")
-
-
 def find_opendrive_side(drive: OpenDriveFile) -> DrivingSide:
     """The side that most of the roads with a `rule` have; right-hand traffic without a majority."""
     left, right = drive.rules.get("LHT", 0), drive.rules.get("RHT", 0)
@@ -74,7 +69,7 @@ def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
     return DrivingSide(found.left_hand, found.reason, against=against)
 
 
-def find_lanelet2_side(lines: Sequence[FloatArray]) -> DrivingSide:
+def find_lane_side(lines: Sequence[FloatArray]) -> DrivingSide:
     """By the lanes: in right-hand traffic oncoming lanes are on the left.
 
     Args:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -89,10 +89,12 @@ class JunctionOverview:
 
     Attributes:
         roads: [P, 2] middle of every carriageway [m], to draw the junctions on.
+        survey: what the file holds of one of its junctions, as long as the file is there.
     """
 
     junctions: tuple[Junction, ...]
     roads: tuple[FloatArray, ...]
+    survey: Callable[[Junction], Survey]
 
 
 def choose_junction(
@@ -101,19 +103,32 @@ def choose_junction(
     file: Path,
     center: tuple[float, float] | None,
     junction: str | None,
-    origin: LatLon | None,
     streets: Sequence[str] = (),
 ) -> Junction:
     """The junction of an id, of streets or nearest to the centre; without any, the only one.
 
     Args:
         center: latitude and longitude, or x and y where the file has no geographic origin.
-        origin: latitude and longitude that lie at x = y = 0.
         streets: names of streets, all of which it has.
 
     Raises:
-        InputError: none, several to choose from, or none of that id or so near.
+        InputError: none, several to choose from, none of that id or so near, or one that is known
+            not to be representable.
     """
+    chosen = _find_junction(junctions, file, center, junction, streets)
+    if chosen.refusal:
+        kind = "roundabout" if chosen.is_roundabout else "junction"
+        raise InputError(f"{kind} {chosen.id} of {file} cannot be imported: {chosen.refusal}")
+    return chosen
+
+
+def _find_junction(
+    junctions: Sequence[Junction],
+    file: Path,
+    center: tuple[float, float] | None,
+    junction: str | None,
+    streets: Sequence[str],
+) -> Junction:
     if not junctions:
         raise InputError(f"{file} has no junction of three or more legs for vehicles")
     if junction is not None:
@@ -124,23 +139,13 @@ def choose_junction(
     if streets:
         junctions = find_streets(junctions, file, streets)
     if center is not None:
-        return _find_nearest(junctions, file, center, origin)
+        return _find_nearest(junctions, file, center)
     if len(junctions) > 1:
         raise InputError(
             f"{file} has {len(junctions)} junctions; choose one with --junction ID, --at or "
             f"--street: {_list(junctions)}"
         )
     return junctions[0]
-
-
-OTHER_SOURCE = "the same place from OpenStreetMap can be imported"
-
-
-def check_importable(junction: Junction, file: Path) -> None:
-    """Raises InputError where a junction is known that cannot be represented."""
-    if junction.refusal:
-        kind = "roundabout" if junction.is_roundabout else "junction"
-        raise InputError(f"{kind} {junction.id} of {file} cannot be imported: {junction.refusal}")
 
 
 def find_streets(
@@ -167,8 +172,9 @@ def find_streets(
 
 
 def _find_nearest(
-    junctions: Sequence[Junction], file: Path, center: tuple[float, float], origin: LatLon | None
+    junctions: Sequence[Junction], file: Path, center: tuple[float, float]
 ) -> Junction:
+    origin = junctions[0].origin
     xy = center if origin is None else tuple(project_to_metres(origin, center))
     distance, nearest = min(
         ((math.dist(each.xy, xy), each) for each in junctions),

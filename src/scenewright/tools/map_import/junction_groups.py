@@ -189,15 +189,11 @@ def _joins_carriageways(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiec
     course, length = math.atan2(across[1], across[0]), measure_length(piece.line)
     return any(
         length < (WIDEST_MEDIAN if name == other else OTHER_STREET)
-        and abs(_turn(a, b + math.pi)) < _OPPOSITE
-        and math.radians(45) < abs(_turn(a, course)) < math.radians(135)
+        and abs(math.remainder(a - b - math.pi, math.tau)) < _OPPOSITE
+        and math.radians(45) < abs(math.remainder(a - course, math.tau)) < math.radians(135)
         for a, name in ways[0]
         for b, other in ways[1]
     )
-
-
-def _turn(a: float, b: float) -> float:
-    return math.remainder(a - b, math.tau)
 
 
 def _build_junction(
@@ -216,7 +212,7 @@ def _build_junction(
                 leads = "out" if piece.start == node else "in"
                 leads = leads if piece.is_one_way else "in out"
                 arms.append(Arm(line, piece.name_at(node), leads))
-    middle = np.mean([places[node] for node in nodes], axis=0)
+    middle = np.mean([places[node] for node in sorted(nodes)], axis=0)
     found = []
     for own in group_arms(arms):
         ahead = sum(np.exp(1j * measure_bearing(arms[i].line)) for i in own)

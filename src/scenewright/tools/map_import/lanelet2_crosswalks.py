@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenewright.geometry.geographic import LatLon, project_mercator
-from scenewright.geometry.polyline import drop_doubled_points, rotate_left
+from scenewright.geometry.polyline import rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.survey import SurveyCrossing
 
 if TYPE_CHECKING:
-    from scenewright.tools.map_import.read_lanelet2 import FileElements, FileLanelet
+    from scenewright.tools.map_import.lane_graph import FileLane
+    from scenewright.tools.map_import.read_lanelet2 import FileElements
 
 _MARKS = ("zebra_marking", "pedestrian_marking", "zebra")
 """Types of ways; the last is SinD's, the others are those of Lanelet2."""
@@ -33,44 +33,38 @@ _SAME_PLACE = 2.0
 
 
 def read_lanelet2_crossings(
-    elements: FileElements, foot: Sequence[FileLanelet], origin: LatLon
+    elements: FileElements, crosswalks: Sequence[FileLane]
 ) -> list[SurveyCrossing]:
-    """Crossings in metres from an origin."""
+    """Crossings in metres: crosswalk lanelets, and marks that are not such a lanelet's."""
     lanelets = [
         SurveyCrossing(
-            each.middle[[0, -1]], float(np.clip(each.width, 1.0, 12.0)),
+            each.line[[0, -1]], float(np.clip(each.width, 1.0, 12.0)),
             source=f"crosswalk lanelet {each.id}",
         )
-        for each in foot
-        if each.tags.get("subtype") == "crosswalk"
+        for each in crosswalks
     ]  # fmt: skip
-    own = [members for tags, members in elements.relations if tags.get("subtype") == "crosswalk"]
-    bounds = {ref for members in own for _, ref in members}
-    marks = dict(_list_marks(elements, bounds, origin))
-    drawn = [
-        each
-        for each in _pair_marks(marks)
-        if not any(
-            math.dist(x.line.mean(axis=0), each.line.mean(axis=0)) < _SAME_PLACE for x in lanelets
-        )
+    drawn = _pair_marks(dict(_list_marks(elements)))
+    places = [each.line.mean(axis=0) for each in lanelets]
+    return [
+        *lanelets,
+        *(
+            each
+            for each in drawn
+            if all(math.dist(each.line.mean(axis=0), place) >= _SAME_PLACE for place in places)
+        ),
     ]
-    return [*lanelets, *drawn]
 
 
-def _list_marks(
-    elements: FileElements, bounds: set[str], origin: LatLon
-) -> Iterator[tuple[str, FloatArray]]:
-    """Ends [2, 2] [m] of every mark that is no lanelet's bound."""
-    for name, tags in elements.way_tags.items():
-        if tags.get("type") not in _MARKS or name in bounds:
-            continue
-        nodes = [elements.nodes[n] for n in elements.ways[name] if n in elements.nodes]
-        if len(nodes) < 2:
-            continue
-        line = drop_doubled_points(np.array([project_mercator(origin, node) for node in nodes]))
-        ends = line[[0, -1]]
-        if float(np.hypot(*(ends[1] - ends[0]))) >= _SHORTEST_MARK:
-            yield name, ends
+def _list_marks(elements: FileElements) -> Iterator[tuple[str, FloatArray]]:
+    """Ends [2, 2] [m] of every mark that is no bound of a crosswalk lanelet."""
+    own = (members for _, tags, members in elements.list_relations("lanelet")
+           if tags.get("subtype") == "crosswalk")  # fmt: skip
+    bounds = {ref for members in own for _, ref in members}
+    for name, (tags, _) in elements.ways.items():
+        if tags.get("type") in _MARKS and name not in bounds:
+            line = elements.trace_way(name)
+            if len(line) > 1 and math.dist(line[0], line[-1]) >= _SHORTEST_MARK:
+                yield name, line[[0, -1]]
 
 
 def _pair_marks(marks: Mapping[str, FloatArray]) -> Iterator[SurveyCrossing]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import EARTH_RADIUS
 from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.junction_choice import JunctionOverview
+from scenewright.tools.map_import.junction_choice import Junction
 from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
 from scenewright.tools.map_import.osm_file import (
     RINGS,
@@ -52,7 +53,7 @@ def _cut_ways(
             )
 
 
-def survey_osm_junctions(file: Path) -> JunctionOverview:
+def list_osm_junctions(file: Path) -> tuple[tuple[Junction, ...], tuple[FloatArray, ...]]:
     """The junctions of a file and its streets; the id of a junction is the least of its nodes' ids.
 
     So it does not depend on how the file is converted, nor on the side that is driven on.
@@ -96,7 +97,7 @@ def survey_osm_junctions(file: Path) -> JunctionOverview:
         for other in (joined.start, joined.end):
             at[other] = [own[0] if k == own[1] else k for k in at[other]]
     found = group_junctions(places, [each for each in pieces if each is not None], origin)
-    return JunctionOverview(tuple(found), tuple(piece.line for piece in cut))
+    return tuple(found), tuple(piece.line for piece in cut)
 
 
 def _join_pieces(a: StreetPiece, b: StreetPiece, node: str) -> StreetPiece | None:
@@ -108,15 +109,14 @@ def _join_pieces(a: StreetPiece, b: StreetPiece, node: str) -> StreetPiece | Non
             return None
     first = a if a.end == node else _turn_round(a)
     second = b if b.start == node else _turn_round(b)
-    return StreetPiece(
-        first.start, second.end, np.concatenate([first.line, second.line[1:]]),
-        first.name or second.name, a.is_one_way, a.is_ring, a.is_slip,
-        second.name_at(second.end) or first.name,
+    return replace(
+        first, end=second.end, line=np.concatenate([first.line, second.line[1:]]),
+        name=first.name or second.name, last_name=second.name_at(second.end) or first.name,
     )  # fmt: skip
 
 
 def _turn_round(piece: StreetPiece) -> StreetPiece:
-    return StreetPiece(
-        piece.end, piece.start, piece.line[::-1], piece.name_at(piece.end), piece.is_one_way,
-        piece.is_ring, piece.is_slip, piece.name,
+    return replace(
+        piece, start=piece.end, end=piece.start, line=piece.line[::-1],
+        name=piece.name_at(piece.end), last_name=piece.name,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Lanes of CommonRoad XML, Argoverse 2 maps and Waymo Open Motion records, as lanelets.
+"""Lanes of CommonRoad XML, Argoverse 2 maps and Waymo Open Motion records, as lane graphs.
 
 All three draw each lane for itself. CommonRoad and Argoverse 2 give both bounds; Waymo gives the
 middle alone, and its lanes are taken to be 3.5 m wide.
@@ -22,44 +22,34 @@ from scenewright.geometry.polyline import (
     resample_by_spacing,
 )
 from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.lane_graph import USUAL_LIMIT, FileLane, LaneGraph
 from scenewright.tools.map_import.mapped_crosswalks import build_area_crossing
-from scenewright.tools.map_import.read_lanelet2 import FileLanelet, LaneletFile
-from scenewright.tools.map_import.survey import NARROWEST, SurveyCrossing, describe_strips
+from scenewright.tools.map_import.survey import SurveyCrossing
 
 _WAYMO_WIDTH = 3.5
+_WAYMO_NOTE = "lanes are drawn by their middle alone; they were taken to be 3.5 m wide"
 _WAYMO_STREETS = (1, 2)
 """Types of Waymo's lanes that cars drive on: freeways and surface streets."""
 
 
-def load_lane_map(file: Path, map_format: str) -> LaneletFile:
+def load_lane_map(file: Path, map_format: str) -> LaneGraph:
     """The lanes of a file.
 
     Raises:
-        InputError: unreadable, or without lanes for vehicles.
+        InputError: unreadable.
     """
     try:
         lanes, crossings, others = _READERS[map_format](file)
     except (KeyError, TypeError, ValueError, IndexError) as fault:
         raise InputError(f"{file} cannot be read: {str(fault)[:80]} is missing or wrong") from None
-    lanelets = {each.id: each for each in lanes if each.width >= NARROWEST}
-    if not lanelets:
-        raise InputError(f"{file} has no lanes for vehicles")
-    notes = [*_NOTES.get(map_format, ()), *describe_strips(x.width < NARROWEST for x in lanes)]
-    if others:
-        notes.append(
-            f"{others} lanes were dropped: car parks, driveways, and lanes for buses, bicycles or "
-            "people on foot alone"
-        )
-    return LaneletFile(file, lanelets, (), None, tuple(crossings), (), tuple(notes))
+    notes = [_WAYMO_NOTE] * (map_format == "womd")
+    return LaneGraph.build(file, lanes, others, *notes, crossings=tuple(crossings))
 
 
-_NOTES = {"womd": ("lanes are drawn by their middle alone; they were taken to be 3.5 m wide",)}
 _DRIVEN = ("VEHICLE", "BUS")
 """Types of Argoverse's lanes; those of buses lie beside those of cars."""
-_Found = tuple[list[FileLanelet], list[SurveyCrossing], int]
+_Found = tuple[list[FileLane], list[SurveyCrossing], int]
 """Lanes that cars drive on, crossings, and how many other lanes there are."""
-
-
 _COMMONROAD_OTHERS = frozenset(
     (
         *("sidewalk", "bicycleLane", "border", "shoulder", "restricted"),
@@ -80,7 +70,7 @@ def _read_commonroad(file: Path) -> _Found:
         elif kinds & _COMMONROAD_OTHERS:
             others += 1
         else:
-            lanes.append(FileLanelet(element.get("id", ""), left, right, {}))
+            lanes.append(FileLane(element.get("id", ""), left, right))
     return lanes, crossings, others
 
 
@@ -101,9 +91,9 @@ def _clean(line: FloatArray) -> FloatArray:
 def _read_argoverse2(file: Path) -> _Found:
     held = json.loads(file.read_text(encoding="utf-8"))
     lanes = [
-        FileLanelet(
+        FileLane(
             str(each["id"]), _list_points(each["left_lane_boundary"]),
-            _list_points(each["right_lane_boundary"]), {},
+            _list_points(each["right_lane_boundary"]),
         )
         for each in held["lane_segments"].values()
         if each.get("lane_type", "VEHICLE") in _DRIVEN
@@ -135,9 +125,9 @@ def _read_womd(file: Path) -> _Found:
     for each in scenario.map_features:
         if each.HasField("lane") and each.lane.type in _WAYMO_STREETS:
             mph = each.lane.speed_limit_mph
-            tags = {"speed_limit": f"{1.609344 * mph:.0f}"} if mph > 0 else {}
+            limit = round(1.609344 * mph) / 3.6 if mph > 0 else USUAL_LIMIT
             lines = _list_lines(each.lane.polyline)
-            lanes += [FileLanelet(str(each.id), *_widen(line), tags) for line in lines]
+            lanes += [FileLane(str(each.id), *_widen(line), speed=limit) for line in lines]
     crossings = [
         build_area_crossing(np.array([(p.x, p.y) for p in each.crosswalk.polygon]))
         for each in scenario.map_features

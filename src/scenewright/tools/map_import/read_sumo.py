@@ -30,14 +30,10 @@ from scenewright.tools.map_import.check_file import MapFormat, require_sumo
 from scenewright.tools.map_import.driving_side import (
     find_opendrive_side,
     find_osm_side,
-    take_option,
 )
 from scenewright.tools.map_import.junction_choice import (
-    OTHER_SOURCE,
     Junction,
     JunctionOverview,
-    check_importable,
-    choose_junction,
     describe_survey,
 )
 from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
@@ -53,19 +49,19 @@ from scenewright.tools.map_import.osm_features import (
     list_osm_lines,
 )
 from scenewright.tools.map_import.osm_file import cut_out, read_osm_file
-from scenewright.tools.map_import.osm_streets import survey_osm_junctions
+from scenewright.tools.map_import.osm_streets import list_osm_junctions
 from scenewright.tools.map_import.osm_turns import (
     OsmTurns,
 )
 from scenewright.tools.map_import.rings import ROUNDABOUT, Ring, find_roundabouts
 from scenewright.tools.map_import.survey import (
-    ASSUMED_SIDE,
     NARROWEST,
     DrivingSide,
     Survey,
     SurveyConnection,
     SurveyCrossing,
     SurveyLane,
+    SurveyLight,
     describe_strips,
     keep_near,
 )
@@ -82,62 +78,60 @@ _ALL_ROUND = math.radians(225.0)
 _CUT_OUT = "cut out the surroundings of the junction first"
 
 
-def read_sumo(
-    file: Path,
-    map_format: MapFormat,
-    scratch: Path,
-    *,
-    center: tuple[float, float] | None,
-    junction: str | None,
-    left_hand: bool | None,
-    streets: Sequence[str] = (),
-) -> Survey:
-    """One junction of a SUMO network, OpenStreetMap or OpenDRIVE file.
+def read_streets(
+    file: Path, map_format: MapFormat, scratch: Path, side: DrivingSide | None
+) -> JunctionOverview:
+    """The junctions of a SUMO network or an OpenDRIVE file.
 
     Args:
         scratch: an empty folder for the converted network.
-        streets: names that the junction's streets bear.
+        side: on which traffic drives; None is as the file says.
 
     Raises:
-        InputError: not convertible, no junction in it, or several and none chosen.
+        InputError: not convertible.
     """
-    side = take_option(left_hand)
-    wanted: dict[str, Any] = {"center": center, "junction": junction, "streets": streets}
-    if map_format == "osm":
-        # Ids and places come from the file itself, so that no option of the conversion moves them.
-        listed = survey_osm_junctions(file).junctions
-        origin = listed[0].origin if listed else None
-        chosen = choose_junction(listed, file=file, origin=origin, **wanted)
-        check_importable(chosen, file)
-        return _read_osm(file, chosen, scratch, side)
+    require_sumo(map_format)
     drive = read_opendrive_file(file) if map_format == "opendrive" else None
     network = file
     if drive is not None:
         side = side or find_opendrive_side(drive)
         network = _convert(file, scratch, origin=None, left_hand=side.left_hand)
     net = _read_network(network, file)
-    rings = [] if drive is None else _find_network_rings(net)
-    found = list(_list_junctions(net, rings, file))
-    chosen = choose_junction(found, file=file, origin=None, **wanted)
-    check_importable(chosen, file)
-    survey = _survey_junction(net, chosen, None, side or _find_side(network), file)
-    middle = np.array(survey.offset)
-    if drive is None:
-        return replace(survey, drawn=keep_near(_list_shapes(net), middle))
-    crossings = list_opendrive_crossings(drive, middle)
-    lights = list_opendrive_lights(drive, middle)
-    shapes = {
-        **_list_shapes(net),
-        "crossings": [each.line + middle for each in crossings],
-        "lights": [each.place + middle for each in lights],
-    }
-    return replace(
-        survey, crossings=(*survey.crossings, *crossings), phases=(), lights=tuple(lights),
-        drawn=keep_near(shapes, middle),
-    )  # fmt: skip
+    side = side or _find_side(network)
+    surveys = dict(_survey_junctions(net, side, file, _find_rings(net) if drive else []))
+
+    def survey(chosen: Junction) -> Survey:
+        found, shapes = surveys[chosen], _list_shapes(net)
+        middle = np.array(found.offset)
+        if drive is None:
+            return replace(found, drawn=keep_near(shapes, middle))
+        crossings = list_opendrive_crossings(drive, middle)
+        lights = list_opendrive_lights(drive, middle)
+        shapes["crossings"] = [each.line + middle for each in crossings]
+        shapes["lights"] = [each.place + middle for each in lights]
+        return _add_features(found, crossings, lights, shapes)
+
+    roads = (_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e))
+    return JunctionOverview(tuple(surveys), tuple(roads), survey)
 
 
-def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | None) -> Survey:
+def read_osm(file: Path, scratch: Path, side: DrivingSide | None) -> JunctionOverview:
+    """The junctions of an OpenStreetMap file.
+
+    Ids and places come from the file itself, so that no option of the conversion moves them.
+
+    Args:
+        scratch: an empty folder for the converted network.
+        side: on which traffic drives; None is as the file says.
+
+    Raises:
+        InputError: see `list_osm_junctions`.
+    """
+    junctions, roads = list_osm_junctions(file)
+    return JunctionOverview(junctions, roads, lambda own: _survey_osm(file, own, scratch, side))
+
+
+def _survey_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | None) -> Survey:
     """A junction of an OpenStreetMap file, with what is drawn round it."""
     origin = chosen.degrees
     assert origin is not None  # noqa: S101 - junctions of OpenStreetMap lie somewhere
@@ -152,12 +146,11 @@ def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | N
             f"junction {chosen.id} of {file} ({chosen.name}) cannot be imported: netconvert finds "
             "no junction there, as where a street ends at the edge of the file"
         )
-    nodes |= _list_between(net, nodes)
     places = [net.getNode(name).getCoord()[:2] for name in sorted(nodes)]
     x, y = np.mean(places, axis=0).tolist()
     group = replace(chosen, nodes=frozenset(nodes), xy=(x, y))
     turns = OsmTurns(osm, side.left_hand)
-    survey = _survey_junction(net, group, origin, side, file, turns)
+    survey = _survey_junction(net, group, side, file, turns, origin)
     survey.notes.append(
         "lane widths, turning lanes and signal times that the file does not tag are netconvert's "
         "guesses"
@@ -165,48 +158,24 @@ def _read_osm(file: Path, chosen: Junction, scratch: Path, side: DrivingSide | N
     if is_widened:
         survey.notes.append("streets near by that are tagged too narrow got 2.5 m for each lane")
     middle = np.array(survey.offset)
+    crossings, lights = list_osm_crossings(osm, middle), list_osm_lights(osm, middle)
+    return _add_features(survey, crossings, lights, list_osm_lines(osm))
+
+
+def _add_features(
+    survey: Survey,
+    crossings: Sequence[SurveyCrossing],
+    lights: Sequence[SurveyLight],
+    drawn: Mapping[str, Sequence[FloatArray]],
+) -> Survey:
+    """A survey with what netconvert leaves out, and without the phases that it makes up."""
     return replace(
-        survey, crossings=tuple(list_osm_crossings(osm, middle)), phases=(),
-        lights=tuple(list_osm_lights(osm, middle)),
-        drawn=keep_near(list_osm_lines(osm), middle),
+        survey, crossings=(*survey.crossings, *crossings), lights=tuple(lights), phases=(),
+        drawn=keep_near(drawn, np.array(survey.offset)),
     )  # fmt: skip
 
 
-def _list_between(net: Any, nodes: set[str]) -> set[str]:
-    """Nodes from which one can only come from and go to those: where a piece inside is cut."""
-    around = {
-        node.getID(): {
-            *(edge.getFromNode().getID() for edge in node.getIncoming()),
-            *(edge.getToNode().getID() for edge in node.getOutgoing()),
-        }
-        for name in nodes
-        for edge in (*net.getNode(name).getIncoming(), *net.getNode(name).getOutgoing())
-        for node in (edge.getFromNode(), edge.getToNode())
-    }
-    return {name for name, ends in around.items() if len(ends) > 1 and ends <= nodes}
-
-
-def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> JunctionOverview:
-    """All junctions of a SUMO network or an OpenDRIVE file, and the roads between them.
-
-    Args:
-        scratch: an empty folder for the converted network.
-
-    Raises:
-        InputError: not convertible.
-    """
-    require_sumo(map_format)
-    is_converted = map_format != "sumo"
-    network = _convert(file, scratch, origin=None, left_hand=False) if is_converted else file
-    net = _read_network(network, file)
-    rings = _find_network_rings(net) if is_converted else []
-    return JunctionOverview(
-        tuple(_list_junctions(net, rings, file)),
-        tuple(_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e)),
-    )
-
-
-def _find_network_rings(net: Any) -> list[Ring]:
+def _find_rings(net: Any) -> list[Ring]:
     """The roundabouts of a network whose file does not name them, by its lanes."""
     lines: dict[str, FloatArray] = {}
     follows: dict[str, list[str]] = {}
@@ -226,7 +195,9 @@ def _list_ring_edges(net: Any, ring: Ring) -> set[str]:
     return {net.getLane(name).getEdge().getID() for name in ring.lanes if ">" not in name}
 
 
-def _list_junctions(net: Any, found: Sequence[Ring], file: Path) -> Iterator[Junction]:
+def _survey_junctions(
+    net: Any, side: DrivingSide, file: Path, found: Sequence[Ring]
+) -> Iterator[tuple[Junction, Survey]]:
     """The junctions of a network as drivers see them, with the legs that an import gives them.
 
     Args:
@@ -250,17 +221,16 @@ def _list_junctions(net: Any, found: Sequence[Ring], file: Path) -> Iterator[Jun
         line = drop_doubled_points(np.array([places[start], *_get_shape(edge), places[end]]))
         pieces.append(StreetPiece(start, end, line, name, not both, is_ring, is_slip))
     refused = {
-        net.getEdge(name).getToNode().getID(): f"{ring.refusal}; {OTHER_SOURCE}"
+        net.getEdge(name).getToNode().getID(): ring.refusal
         for ring in found
-        if ring.refusal
         for name in _list_ring_edges(net, ring)
     }
     for group in group_junctions(places, pieces):
-        survey = _survey_junction(net, group, None, ASSUMED_SIDE, file)
-        refusal = next((refused[node] for node in sorted(group.nodes) if node in refused), "")
+        survey = _survey_junction(net, group, side, file)
+        refusal = next(filter(None, (refused.get(node, "") for node in sorted(group.nodes))), "")
         each = describe_survey(survey, id=group.id, nodes=group.nodes, refusal=refusal)
         if each is not None:
-            yield each
+            yield each, survey
 
 
 def _convert(file: Path, scratch: Path, *, origin: LatLon | None, left_hand: bool) -> Path:
@@ -327,10 +297,10 @@ def _get_shape(part: Any) -> FloatArray:
 def _survey_junction(
     net: Any,
     group: Junction,
-    origin: LatLon | None,
     side: DrivingSide,
     file: Path,
     turns: OsmTurns | None = None,
+    origin: LatLon | None = None,
 ) -> Survey:
     try:
         return _survey_nodes(net, group, origin, side, turns)
@@ -569,7 +539,7 @@ def _find_light(link: Any) -> str | None:
     return f"{name}#{index}" if name and index >= 0 else None
 
 
-def _list_shapes(net: Any) -> Mapping[str, list[FloatArray]]:
+def _list_shapes(net: Any) -> dict[str, list[FloatArray]]:
     """The lanes of a network by kind, for pictures [m]."""
     kinds = {"crossing": "crossings", "walkingarea": "paths"}
     found: dict[str, list[FloatArray]] = {}

@@ -9,13 +9,12 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from scenewright.geometry.polyline import drop_doubled_points, find_point, measure_turn
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.map_parts import geos
 
-_GRAPHS: Any = import_module("scipy.sparse")  # its constructors have no types
+_CLUSTERS: Any = import_module("scipy.cluster.hierarchy")  # its functions have no types
 ROUNDABOUT = (
     "a roundabout is one intersection: vehicles keep to its ring, and give way as they enter"
 )
@@ -74,7 +73,10 @@ class Ring:
         """Why it cannot be represented, "" if it can."""
         if len({ring.is_left for ring in self.rings}) == 1:
             return ""
-        return "the file's lanes lead both ways round its ring, and a roundabout is driven one way"
+        return (
+            "the file's lanes lead both ways round its ring, and a roundabout is driven one way; "
+            "the same place from OpenStreetMap can be imported"
+        )
 
 
 def find_roundabouts(
@@ -93,17 +95,13 @@ def find_roundabouts(
         return []
     areas = np.array([geos.Polygon(x.outline).simplify(0.2).buffer(0) for x in rings], dtype=object)
     pairs = geos.STRtree(areas).query(areas, predicate="intersects")
-    pairs = pairs[:, pairs[0] < pairs[1]]
     common, least = geos.area(geos.intersection(*areas[pairs])), geos.area(areas[pairs]).min(axis=0)
-    i, j = pairs[:, common > _SAME_RING * least]
-    shape = (len(rings), len(rings))
-    count, groups = connected_components(
-        _GRAPHS.coo_array((np.ones(len(i)), (i, j)), shape=shape), directed=False
-    )
+    joined: Any = _CLUSTERS.DisjointSet(range(len(rings)))
+    for i, j in pairs[:, common > _SAME_RING * least].T.tolist():
+        joined.merge(i, j)
     tree = geos.STRtree([geos.LineString(line) for line in lines.values()])
     found = []
-    for group in range(count):
-        own = np.flatnonzero(groups == group)
+    for own in map(sorted, joined.subsets()):
         ring = Ring(tuple(rings[k] for k in own))
         inner = min(areas[own], key=geos.area)
         is_block = ring.refusal and inner.area > _LARGEST_ISLAND
@@ -119,7 +117,6 @@ def find_rings(
     lines: Mapping[str, FloatArray], follows: Mapping[str, Sequence[str]]
 ) -> list[LaneRing]:
     """The closed ways on which one keeps left at every branching, or right, on one's own side."""
-    names = sorted(lines)
     found: list[LaneRing] = []
     for side in (1.0, -1.0):
         following = {
@@ -129,15 +126,16 @@ def find_rings(
             for name, after in follows.items()
             if after
         }
-        at = {name: k for k, name in enumerate(names)}
-        i, j = np.array([(at[a], at[b]) for a, b in following.items()], dtype=int).reshape(-1, 2).T
-        graph = _GRAPHS.coo_array((np.ones(len(i)), (i, j)), shape=(len(names), len(names)))
-        groups = connected_components(graph, connection="strong")[1]
-        sizes, firsts = np.bincount(groups), np.unique(groups, return_index=True)[1]
-        for k in firsts[sizes > 1]:
-            way = [names[k]]
-            while (after := following[way[-1]]) != way[0]:
-                way.append(after)
+        seen = set[str]()
+        for first in sorted(lines):
+            here, way = first, list[str]()
+            while here in following and here not in seen:
+                seen.add(here)
+                way.append(here)
+                here = following[here]
+            if here not in way:
+                continue
+            way = way[way.index(here) :]
             outline = drop_doubled_points(np.concatenate([lines[name] for name in way]))
             ring = geos.Polygon(outline) if len(outline) > 3 else geos.Polygon()
             if ring.is_valid and ring.length <= _LONGEST and ring.exterior.is_ccw == (side > 0):

@@ -38,22 +38,20 @@ _BESIDE = 6.0
 """From a lane to its light [m]."""
 
 LegPairs = set[tuple[Compass, Compass]]
-_Shown = tuple[float, Mapping[Compass, Colour], Mapping[str, Colour]]
-"""Duration [s], and the colours of the legs and of the file's lights."""
 
 
 class _Step(NamedTuple):
     """A part of the programme.
 
     Attributes:
-        duration: [s]; colours: of each leg's light; may_begin: whether walks may begin.
-        lights: colours of the file's lights, by name.
+        duration: [s]; colours: of each leg's light; lights: colours of the file's lights, by name.
+        may_begin: whether walks may begin.
     """
 
     duration: float
     colours: Mapping[Compass, Colour]
-    may_begin: bool
     lights: Mapping[str, Colour] = {}
+    may_begin: bool = False
 
 
 @dataclass(frozen=True)
@@ -172,8 +170,8 @@ def _read_steps(
             leg: "green" if "green" in own else "yellow" if "yellow" in own else "red"
             for leg, own in shown.items()
         }
-        steps.append((duration, merged, colours))
-    if all(any(shown[leg] == "green" for _, shown, _ in steps) for leg in entries):
+        steps.append(_Step(duration, merged, colours))
+    if all(any(step.colours[leg] == "green" for step in steps) for leg in entries):
         yield from _split_clearance(steps)
 
 
@@ -183,12 +181,12 @@ def _has_groups(entries: Sequence[Compass], given: SignalInput) -> bool:
     return "" not in names and len(names) > 1
 
 
-def _assume_steps(entries: Sequence[Compass], given: SignalInput) -> Iterator[_Shown]:
+def _assume_steps(entries: Sequence[Compass], given: SignalInput) -> Iterator[_Step]:
     """Green, yellow and red for each stage in turn."""
     for stage in _list_stages(entries, given):
         for duration, colour in _ASSUMED:
             red: dict[Compass, Colour] = dict.fromkeys(entries, "red")
-            yield duration, red | dict.fromkeys(stage, colour), {}
+            yield _Step(duration, red | dict.fromkeys(stage, colour))
 
 
 def _list_stages(entries: Sequence[Compass], given: SignalInput) -> Iterator[list[Compass]]:
@@ -214,14 +212,14 @@ def _pair_opposite(entries: Sequence[Compass], straight: LegPairs) -> Iterator[l
         yield pair
 
 
-def _split_clearance(steps: Iterable[_Shown]) -> Iterator[_Step]:
+def _split_clearance(steps: Iterable[_Step]) -> Iterator[_Step]:
     """Green steps in two: in the second, no walk begins any more."""
-    for duration, shown, lights in steps:
-        if "green" in shown.values() and duration > _CLEARANCE + 4.0:
-            yield _Step(duration - _CLEARANCE, shown, True, lights)
-            yield _Step(_CLEARANCE, shown, False, lights)
+    for step in steps:
+        if "green" in step.colours.values() and step.duration > _CLEARANCE + 4.0:
+            yield step._replace(duration=step.duration - _CLEARANCE, may_begin=True)
+            yield step._replace(duration=_CLEARANCE)
         else:
-            yield _Step(duration, shown, False, lights)
+            yield step
 
 
 def _find_free_steps(
