@@ -9,6 +9,7 @@ lag are resolved to 0.01 s.
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -25,7 +26,6 @@ from scenewright.tools.relation_checker.footprints import (
     Box,
     IntArray,
     Pose,
-    double_room,
     is_in_touch,
 )
 from scenewright.tools.relation_checker.track_path import (
@@ -42,11 +42,11 @@ from scenewright.tools.relation_checker.trajectory import (
 
 STILL = 0.02
 BLOCK, LARGE = 8, 64
-SUBSTEPS = 5
-FINER = 3
 BATCH = 8
-_WHOLE = (np.linspace(0.0, 1.0, SUBSTEPS)[None],) * 2
+_PARTS = np.linspace(0.0, 1.0, 5)
 """Parts of the way to the next place that are tried first, for either agent."""
+_AROUND = np.linspace(-0.25, 0.25, 7)
+"""Parts beside the best of them that are tried then."""
 SPLIT = 3.0
 """Contacts further apart along a path than this [m] belong to different encounters."""
 
@@ -86,34 +86,20 @@ class _Occupancies(NamedTuple):
     origin: IntArray
 
 
-class _OccupancyPairs(NamedTuple):
-    """Pairs of places that may touch, one pair of movers after another.
-
-    Attributes:
-        p, q: [C] the places; lag: [C] a lower bound of their lag [s].
-        begin: [M+1] where those of each pair of movers begin.
-    """
-
-    p: IntArray
-    q: IntArray
-    lag: FloatArray
-    begin: IntArray
-
-
 def compute_pet(first: Trajectory, second: Trajectory) -> float | None:
     """PET of a pair [s], 0 where they are in contact; None where they never would be.
 
     Agents behind one another in one lane have headway, not PET: contacts on a stretch that both
     drive in one direction count only in its first 5 m, and not at all where they begin on it.
     """
-    found = find_encounters((first, second), horizon=None, asked={(first.id, second.id)})
+    found = find_encounters((first, second), horizon=np.inf, asked={(first.id, second.id)})
     return min((e.pet for e in found), default=None)
 
 
 def find_encounters(
     tracks: tuple[Trajectory, ...],
     *,
-    horizon: float | None = 8.5,
+    horizon: float = 8.5,
     asked: Collection[tuple[int, int]] = (),
     among: IntArray | None = None,
 ) -> tuple[Encounter, ...]:
@@ -133,27 +119,9 @@ def find_encounters(
     occupancies = _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
     among = np.stack(np.triu_indices(len(tracks), 1), axis=1) if among is None else among
     first, second = among[_find_overlapping_boxes(tracks, asked, among)].T
-    movers = np.array([(m.is_vehicle, m.width, m.nose) for m in tracks])
-    pairs = _OccupancyPairs(*_find_touching_pairs(
-        first, second, occupancies, np.inf if horizon is None else horizon, movers,
-        get_lane_table(tracks),
-    ))  # fmt: skip
-    # Exact least lag of every encounter, to 4 ms; encounters of a pair part at gaps along the
-    # first one's path.
-    table = occupancies.table
-    best = _find_best_places(pairs, occupancies, *_WHOLE)
-    p, q = pairs.p[best], pairs.q[best]
-    lag, place = _find_least_lags(p, q, table, *_WHOLE)
-    apart = lag[:, 0] > 0
-    # The surroundings of the best pairs of parts are tried.
-    step = 1.0 / (SUBSTEPS - 1)
-    around = np.linspace(-step, step, 2 * FINER + 1)
-    parts = [np.clip(place[apart, k, None] * step + around, 0.0, 1.0) for k in (0, 1)]
-    finer, _ = _find_least_lags(p[apart], q[apart], table, *parts)
-    lag[apart] = np.where(finer[:, :1] < lag[apart, :1], finer, lag[apart])
-    owners = zip(occupancies.owner[p].tolist(), occupancies.owner[q].tolist(), strict=True)
-    found = (Encounter(*pair, *row) for pair, row in zip(owners, lag.tolist(), strict=True))
-    return tuple(e for e in found if horizon is None or e.pet <= horizon)
+    lanes = get_lane_table(tracks)
+    found = _search_encounters(first, second, occupancies, horizon, lanes)
+    return tuple(Encounter(*row) for row in found if row[2] <= horizon)
 
 
 def _find_overlapping_boxes(
@@ -233,67 +201,79 @@ def _find_occupancies(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArr
 
 
 @compiled
-def _find_touching_pairs(
+def _search_encounters(
     first: IntArray,
     second: IntArray,
     places: _Occupancies,
     horizon: float,
-    movers: FloatArray,
     lanes: LaneTable,
-) -> tuple[IntArray, IntArray, FloatArray, IntArray]:
-    """What `_OccupancyPairs` holds, of pairs of movers; blocks of places are looked at first.
+) -> list[tuple[int, int, float, float, float]]:
+    """What `Encounter` holds, of pairs of movers; they part at gaps along the first one's path."""
+    large = _bound_blocks(places.origin, places.table, LARGE)
+    blocks = _bound_blocks(places.origin, places.table, BLOCK)
+    shared, group = np.zeros(len(places.s), np.bool_), np.full(len(places.s), -1)
+    found = [(0, 0, 0.0, 0.0, 0.0) for _ in range(0)]
+    for pair in range(len(first)):
+        a, b = first[pair], second[pair]
+        bounds = _list_blocks(a, b, places.origin, large, blocks, horizon)
+        touching = _list_touching_places(a, b, bounds, places, horizon, lanes, shared)
+        for k in range(_label_encounters(touching, places.s, group)):
+            least, time, other_time = _find_least_lag(
+                [each for each in touching if group[each[1]] == k], places.table
+            )
+            if least < np.inf:
+                found.append((a, b, least, time, other_time))
+        for _lag, place, _other in touching:
+            group[place] = -1
+    return found
+
+
+@compiled_to_write
+def _list_touching_places(
+    a: int,
+    b: int,
+    blocks: list[tuple[int, int]],
+    places: _Occupancies,
+    horizon: float,
+    lanes: LaneTable,
+    shared: BoolArray,
+) -> list[tuple[float, int, int]]:
+    """Lower bound of the lag [s], and the two places, of all in these blocks that may touch.
 
     Two of one class that touch heading the same way may be behind one another in one lane; their
     contacts there do not count.
 
     Args:
-        movers: [N, 3] whether each is a vehicle, its width and nose [m].
+        shared: [K] room to note which places are in such a lane; all false, before and after.
     """
-    origin, reach, table = places.origin, places.reach, places.table
-    large = _bound_blocks(origin, table, LARGE)
-    blocks = _bound_blocks(origin, table, BLOCK)
-    p: IntArray = np.empty(256, np.intp)
-    q: IntArray = np.empty(256, np.intp)
-    lags: FloatArray = np.empty(256)
-    count = 0
-    begin, shared = np.zeros(len(first) + 1, np.intp), np.zeros(len(reach), np.bool_)
-    aligned = np.cos(SHARED)
-    for pair in range(len(first)):
-        a, b = first[pair], second[pair]
-        open_yet = movers[a, 0] == movers[b, 0]
-        for i, j in _list_blocks(a, b, origin, large, blocks, horizon):
-            for m in range(i, min(i + BLOCK, origin[a + 1])):
-                for n in range(j, min(j + BLOCK, origin[b + 1])):
-                    if shared[m] or shared[n]:
-                        continue
-                    lag = _bound_lag(m, n, reach, table, horizon)
-                    if lag == np.inf:
-                        continue
-                    if count == len(p):
-                        p, q, lags = double_room(p), double_room(q), double_room(lags)
-                    p[count], q[count], lags[count] = m, n, lag
-                    count += 1
-                    facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
-                    if open_yet and facing >= aligned:
-                        open_yet = False
-                        _mark_shared_lanes(a, b, places, movers, lanes, shared)
-                        size, count = count, begin[pair]
-                        for row in range(begin[pair], size):
-                            if not (shared[p[row]] or shared[q[row]]):
-                                p[count], q[count], lags[count] = p[row], q[row], lags[row]
-                                count += 1
-        begin[pair + 1] = count
-        shared[origin[a] : origin[a + 1]] = False
-        shared[origin[b] : origin[b + 1]] = False
-    return p[:count], q[:count], lags[:count], begin
+    origin, table, aligned = places.origin, places.table, np.cos(SHARED)
+    found = [(0.0, 0, 0) for _ in range(0)]
+    open_yet = lanes.is_vehicle[a] == lanes.is_vehicle[b]
+    for i, j in blocks:
+        for m in range(i, min(i + BLOCK, origin[a + 1])):
+            for n in range(j, min(j + BLOCK, origin[b + 1])):
+                if shared[m] or shared[n]:
+                    continue
+                lag = _bound_lag(m, n, places.reach, table, horizon)
+                if lag == np.inf:
+                    continue
+                found.append((lag, m, n))
+                facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
+                if open_yet and facing >= aligned:
+                    open_yet = False
+                    _mark_shared_lanes(a, b, places, lanes, shared)
+                    found = [each for each in found if not (shared[each[1]] or shared[each[2]])]
+    shared[origin[a] : origin[a + 1]] = False
+    shared[origin[b] : origin[b + 1]] = False
+    return found
 
 
 @compiled_to_write
 def _mark_shared_lanes(
-    a: int, b: int, places: _Occupancies, movers: FloatArray, lanes: LaneTable, shared: BoolArray
+    a: int, b: int, places: _Occupancies, lanes: LaneTable, shared: BoolArray
 ) -> None:
     """Writes which places of two movers are in a stretch that either shares with the other."""
-    ones, twos = _find_stretches(a, b, movers, lanes), _find_stretches(b, a, movers, lanes)
+    ones, twos = _find_stretches(a, b, lanes), _find_stretches(b, a, lanes)
     if len(ones) == 0 or len(twos) == 0:
         return
     for mover, stretches in ((a, ones), (b, twos)):
@@ -303,18 +283,18 @@ def _mark_shared_lanes(
 
 
 @compiled
-def _find_stretches(a: int, b: int, movers: FloatArray, lanes: LaneTable) -> FloatArray:
+def _find_stretches(a: int, b: int, lanes: LaneTable) -> FloatArray:
     """[R, 2] where a mover is in one lane with another, past the first 5 m of a merge [m].
 
     Of runs of points of its path that are near the other's lane, of which any is along it.
     """
-    first, end = LANE_BEFORE // 2, lanes.size[a] - LANE_AFTER // 2
-    beside, nose = (movers[a, 1] + movers[b, 1]) / 2, movers[a, 2]
+    first, end = lanes.begin[a] + LANE_BEFORE // 2, lanes.begin[a + 1] - LANE_AFTER // 2
+    beside, nose = (lanes.width[a] + lanes.width[b]) / 2, lanes.nose[a]
     found, count = np.zeros((end - first, 2)), 0
     start, shares, from_start = -1, False, False
     for k in range(first, end):
-        s, way = lanes.s[a, k], lanes.direction[a, k]
-        foot, lateral, facing = project_on_lane(lanes.x[a, k], lanes.y[a, k], lanes, b, beside)
+        s, way = lanes.s[k], lanes.direction[k]
+        foot, lateral, facing = project_on_lane(lanes.x[k], lanes.y[k], lanes, b, beside)
         if lateral < beside:
             along = abs((way - facing + np.pi) % (2 * np.pi) - np.pi) <= SHARED
             if start < 0:
@@ -324,9 +304,9 @@ def _find_stretches(a: int, b: int, movers: FloatArray, lanes: LaneTable) -> Flo
         if ends and start >= 0:
             last = k - 1 if lateral >= beside else k
             if shares:
-                before = lanes.s[a, start] + MERGE_LENGTH + nose
+                before = lanes.s[start] + MERGE_LENGTH + nose
                 found[count, 0] = -np.inf if from_start else before
-                found[count, 1] = lanes.s[a, last] + nose + 1.0
+                found[count, 1] = lanes.s[last] + nose + 1.0
                 count += 1
             start, shares = -1, False
     return found[:count]
@@ -417,51 +397,15 @@ def _get_swept_footprint(table: FloatArray, i: int) -> tuple[Pose, Box]:
     )
 
 
-@compiled
-def _find_best_places(
-    pairs: _OccupancyPairs, places: _Occupancies, part: FloatArray, other_part: FloatArray
-) -> IntArray:
-    """[E] of every encounter the pair of places with the least lag.
-
-    The most promising are tried first, a few at a time, until no other can be better.
-    """
-    found: IntArray = np.empty(64, np.intp)
-    p, q, lag, begin = pairs
-    s, table = places.s, places.table
-    count = longest = 0
-    for pair in range(len(begin) - 1):
-        longest = max(longest, begin[pair + 1] - begin[pair])
-    group, heap = np.full(len(s), -1), np.empty(longest, np.intp)
-    for pair in range(len(begin) - 1):
-        rows = begin[pair], begin[pair + 1]
-        for k in range(_label_encounters(p, s, rows, group)):
-            size = _fill_heap(heap, pairs, rows, group, k)
-            least, best, tried = np.inf, -1, 0
-            while size > 0 and (tried % BATCH > 0 or lag[heap[0]] < least):
-                row, tried = heap[0], tried + 1
-                near = _find_least_lag(p[row], q[row], table, part[0], other_part[0])[0]
-                if near < least:
-                    least, best = near, row
-                size -= 1
-                heap[0] = heap[size]
-                _sift_down(heap, 0, size, pairs)
-            if best >= 0:
-                if count == len(found):
-                    found = double_room(found)
-                found[count] = best
-                count += 1
-        for row in range(rows[0], rows[1]):
-            group[p[row]] = -1
-    return found[:count]
-
-
 @compiled_to_write
-def _label_encounters(p: IntArray, s: FloatArray, rows: tuple[int, int], group: IntArray) -> int:
+def _label_encounters(
+    touching: list[tuple[float, int, int]], s: FloatArray, group: IntArray
+) -> int:
     """Writes in which encounter every place of a pair's first is; returns how many there are."""
     low, high = len(s), -1
-    for row in range(rows[0], rows[1]):
-        group[p[row]] = 0
-        low, high = min(low, p[row]), max(high, p[row])
+    for _lag, place, _other in touching:
+        group[place] = 0
+        low, high = min(low, place), max(high, place)
     count, last = 0, -1
     for place in range(low, high + 1):
         if group[place] >= 0:
@@ -471,68 +415,39 @@ def _label_encounters(p: IntArray, s: FloatArray, rows: tuple[int, int], group: 
     return count
 
 
-@compiled_to_write
-def _fill_heap(
-    heap: IntArray, pairs: _OccupancyPairs, rows: tuple[int, int], group: IntArray, wanted: int
-) -> int:
-    """Writes a heap of the rows of one encounter, least lag on top; returns how many there are."""
-    p, size = pairs.p, 0
-    for row in range(rows[0], rows[1]):
-        if group[p[row]] == wanted:
-            heap[size] = row
-            size += 1
-    for k in range(size // 2 - 1, -1, -1):
-        _sift_down(heap, k, size, pairs)
-    return size
-
-
-@compiled_to_write
-def _sift_down(heap: IntArray, k: int, size: int, pairs: _OccupancyPairs) -> None:
-    while 2 * k + 1 < size:
-        child = 2 * k + 1
-        if child + 1 < size and _comes_before(heap[child + 1], heap[child], pairs):
-            child += 1
-        if not _comes_before(heap[child], heap[k], pairs):
-            break
-        heap[k], heap[child] = heap[child], heap[k]
-        k = child
-
-
-@compiled
-def _comes_before(row: int, other: int, pairs: _OccupancyPairs) -> bool:
-    """Whether a pair of places is to be tried before another: by lag, then in order of places."""
-    p, q, lag = pairs.p, pairs.q, pairs.lag
-    if lag[row] != lag[other]:
-        return bool(lag[row] < lag[other])
-    return bool(p[row] < p[other] or (p[row] == p[other] and q[row] < q[other]))
-
-
-@compiled
-def _find_least_lags(
-    p: IntArray, q: IntArray, table: FloatArray, part: FloatArray, other_part: FloatArray
-) -> tuple[FloatArray, IntArray]:
-    """Least lag of pairs of places and the two times [n, 3] [s], inf where they do not touch.
-
-    Args:
-        part, other_part: [n or 1, k] parts of the way to the next place that are tried.
-
-    Returns:
-        The lags, and [n, 2] which of the parts give them.
-    """
-    best, where = np.empty((len(p), 3)), np.zeros((len(p), 2), np.intp)
-    for k in range(len(p)):
-        mine, others = part[min(k, len(part) - 1)], other_part[min(k, len(other_part) - 1)]
-        lag, time, other_time, m, n = _find_least_lag(p[k], q[k], table, mine, others)
-        best[k, 0], best[k, 1], best[k, 2] = lag, time, other_time
-        where[k, 0], where[k, 1] = m, n
-    return best, where
-
-
 @compiled
 def _find_least_lag(
+    touching: list[tuple[float, int, int]], table: FloatArray
+) -> tuple[float, float, float]:
+    """Least lag of one encounter, to 4 ms, and when either is there [s]; inf where they never are.
+
+    The most promising places are tried first, a few at a time, until no other can be better.
+    """
+    heapq.heapify(touching)
+    best, i, j, tried = (np.inf, 0.0, 0.0, 0, 0), 0, 0, 0
+    while len(touching) > 0 and (tried % BATCH > 0 or touching[0][0] < best[0]):
+        _, p, q = heapq.heappop(touching)
+        near = _compare_places(p, q, table, _PARTS, _PARTS)
+        tried += 1
+        if near[0] < best[0]:
+            best, i, j = near, p, q
+    if 0.0 < best[0] < np.inf:
+        part, other_part = _PARTS[best[3]] + _AROUND, _PARTS[best[4]] + _AROUND
+        finer = _compare_places(i, j, table, np.clip(part, 0.0, 1.0), np.clip(other_part, 0.0, 1.0))
+        best = finer if finer[0] < best[0] else best
+    return best[:3]
+
+
+@compiled
+def _compare_places(
     i: int, j: int, table: FloatArray, part: FloatArray, other_part: FloatArray
 ) -> tuple[float, float, float, int, int]:
-    """`_find_least_lags` of one pair of places."""
+    """Least lag of two places and the two times [s], inf where they do not touch.
+
+    Args:
+        part, other_part: parts of the way to the next place that are tried; those that give the
+            least lag are returned by their positions.
+    """
     least, time, other_time, first, second = np.inf, 0.0, 0.0, 0, 0
     for m in range(len(part)):
         place, begin, end = _compute_footprint_underway(table, i, part[m])
