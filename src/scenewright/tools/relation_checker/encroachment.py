@@ -12,7 +12,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +23,9 @@ from scenewright.tools.relation_checker.conflict_zones import MERGE_LENGTH, SHAR
 from scenewright.tools.relation_checker.contact import TOUCH
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
-    Box,
     IntArray,
     Pose,
+    interpolate_pose,
     is_in_touch,
 )
 from scenewright.tools.relation_checker.track_path import (
@@ -67,23 +67,8 @@ class Encounter:
     second_time: float
 
 
-class _Occupancies(NamedTuple):
-    """All movers' places, one after another.
-
-    Attributes:
-        owner: [K] mover; s: [K] arc length [m]; reach: [K] radius of the circle [m].
-        table: [19, K] x, y and heading there and one sample after; first and last sample time
-            there, and when the next place is reached, at the end of a track the same as the last
-            [s]; half length, half width and radius [m]; x, y, cosine and sine midway to the next
-            place, half length and radius lengthened by the way; and by how much it may turn [m].
-        origin: [N+1] where each mover's places begin.
-    """
-
-    owner: IntArray
-    s: FloatArray
-    reach: FloatArray
-    table: FloatArray
-    origin: IntArray
+Places = np.ndarray[tuple[int], np.dtype[np.void]]
+"""[K] places of all movers, one after another, see `_list_places`."""
 
 
 def compute_pet(first: Trajectory, second: Trajectory) -> float | None:
@@ -111,17 +96,48 @@ def find_encounters(
     """
     if len(tracks) < 2:
         return ()
-    xy, heading, origin = concatenate_samples(tracks)
-    times, s = (
-        np.concatenate(each) for each in zip(*((m.times, m.s) for m in tracks), strict=True)
-    )
-    sizes = np.array([(*m.box, m.reach) for m in tracks])
-    occupancies = _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
     among = np.stack(np.triu_indices(len(tracks), 1), axis=1) if among is None else among
     first, second = among[_find_overlapping_boxes(tracks, asked, among)].T
     lanes = get_lane_table(tracks)
-    found = _search_encounters(first, second, occupancies, horizon, lanes)
+    found = _search_encounters(first, second, *_list_places(tracks), horizon, lanes)
     return tuple(Encounter(*row) for row in found if row[2] <= horizon)
+
+
+def _list_places(tracks: tuple[Trajectory, ...]) -> tuple[Places, IntArray]:
+    """All movers' places by named columns, and where each mover's begin [N+1].
+
+    Columns: arc length `s`; position and heading at the first sample there, and at the first of the
+    next place (`next_`; at the end of a track, of the last sample); the times of the first and the
+    last sample there and of the next place; half length, half width and radius; midway to the next
+    place the position and, lengthened by the way, half length, radius and the reach round both; and
+    by how much the footprint may turn on the way (`slack`) [m].
+    """
+    xy, heading, origin = concatenate_samples(tracks)
+    times, s = (np.concatenate([getattr(m, name) for m in tracks]) for name in ("times", "s"))
+    stretch = np.floor(s / STILL)
+    begins = np.append(True, stretch[1:] > stretch[:-1])
+    begins[origin[:-1]] = True
+    first = np.flatnonzero(begins)
+    last, owner = np.append(first[1:], len(s)) - 1, np.searchsorted(origin, first, "right") - 1
+    after = np.minimum(last + 1, origin[owner + 1] - 1)
+    length, width, radius, reach = np.array([(*m.box, m.reach) for m in tracks])[owner].T
+    (x, y), (next_x, next_y) = xy[first].T, xy[after].T
+    half_way = np.hypot(next_x - x, next_y - y) / 2
+    columns = {
+        "s": s[first], "x": x, "y": y, "heading": heading[first],
+        "next_x": next_x, "next_y": next_y, "next_heading": heading[after],
+        "arrive": times[first], "depart": times[last], "leave": times[after],
+        "length": length, "width": width, "radius": radius,
+        "cos": np.cos(heading[first]), "sin": np.sin(heading[first]),
+        "mid_x": (x + next_x) / 2, "mid_y": (y + next_y) / 2,
+        "swept_length": np.where(radius > 0.0, 0.0, length + half_way),
+        "swept_radius": np.where(radius > 0.0, radius + half_way, 0.0), "reach": reach + half_way,
+        "slack": reach * np.abs(heading[after] - heading[first]) + TOUCH,
+    }  # fmt: skip
+    places = np.empty(len(first), [(name, np.float64) for name in columns])
+    for name, values in columns.items():
+        places[name] = values
+    return places, np.searchsorted(first, origin)
 
 
 def _find_overlapping_boxes(
@@ -142,84 +158,29 @@ def _find_overlapping_boxes(
     return np.asarray(result)
 
 
-# ---- as machine code, on the table of places ----------------------------------------------------
-
-(
-    _X, _Y, _HEADING, _NEXT_X, _NEXT_Y, _NEXT_HEADING, _ARRIVE, _DEPART, _LEAVE, _LENGTH, _WIDTH,
-    _RADIUS, _SWEPT_X, _SWEPT_Y, _COS, _SIN, _SWEPT_LENGTH, _SWEPT_RADIUS, _SLACK,
-) = range(19)  # fmt: skip
-
-
-@compiled
-def _fill_table(
-    xy: FloatArray,
-    heading: FloatArray,
-    times: FloatArray,
-    s: FloatArray,
-    origin: IntArray,
-    sizes: FloatArray,
-) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
-    """What `_Occupancies` holds, of samples one after another and sizes [N, 4] (reach the last)."""
-    first, owner, begin = _find_occupancies(s, origin)
-    count = len(owner)
-    at, reach, table = np.empty(count), np.empty(count), np.empty((_SLACK + 1, count))
-    for k in range(count):
-        i, n = first[k], owner[k]
-        last = first[k + 1] - 1
-        j = min(last + 1, origin[n + 1] - 1)
-        dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
-        stride = np.hypot(dx, dy) / 2
-        length, width, radius = sizes[n, 0], sizes[n, 1], sizes[n, 2]
-        at[k], reach[k] = s[i], sizes[n, 3] + stride
-        table[_X, k], table[_Y, k], table[_HEADING, k] = xy[i, 0], xy[i, 1], heading[i]
-        table[_NEXT_X, k], table[_NEXT_Y, k] = xy[j, 0], xy[j, 1]
-        table[_NEXT_HEADING, k] = heading[j]
-        table[_ARRIVE, k], table[_DEPART, k], table[_LEAVE, k] = times[i], times[last], times[j]
-        table[_LENGTH, k], table[_WIDTH, k], table[_RADIUS, k] = length, width, radius
-        table[_SWEPT_X, k] = (xy[i, 0] + xy[j, 0]) / 2
-        table[_SWEPT_Y, k] = (xy[i, 1] + xy[j, 1]) / 2
-        table[_COS, k], table[_SIN, k] = np.cos(heading[i]), np.sin(heading[i])
-        table[_SWEPT_LENGTH, k] = 0.0 if radius > 0.0 else length + stride
-        table[_SWEPT_RADIUS, k] = radius + stride if radius > 0.0 else 0.0
-        table[_SLACK, k] = sizes[n, 3] * abs(heading[j] - heading[i]) + TOUCH
-    return owner, at, reach, table, begin
-
-
-@compiled
-def _find_occupancies(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """First samples of places [K + 1], their owners [K], and where each owner's begin [N + 1]."""
-    first, owner = np.empty(len(s) + 1, np.intp), np.empty(len(s), np.intp)
-    begin, count = np.zeros(len(origin), np.intp), 0
-    for n in range(len(origin) - 1):
-        for i in range(origin[n], origin[n + 1]):
-            if i == origin[n] or np.floor(s[i] / STILL) > np.floor(s[i - 1] / STILL):
-                first[count], owner[count] = i, n
-                count += 1
-        begin[n + 1] = count
-    first[count] = len(s)
-    return first[: count + 1], owner[:count], begin
+# ---- as machine code, on the places -------------------------------------------------------------
 
 
 @compiled
 def _search_encounters(
     first: IntArray,
     second: IntArray,
-    places: _Occupancies,
+    places: Places,
+    origin: IntArray,
     horizon: float,
     lanes: LaneTable,
 ) -> list[tuple[int, int, float, float, float]]:
     """What `Encounter` holds, of pairs of movers; they part at gaps along the first one's path."""
-    large = _bound_blocks(places.origin, places.table, LARGE)
-    blocks = _bound_blocks(places.origin, places.table, BLOCK)
-    shared, group = np.zeros(len(places.s), np.bool_), np.full(len(places.s), -1)
+    large, blocks = _bound_blocks(origin, places, LARGE), _bound_blocks(origin, places, BLOCK)
+    shared, group = np.zeros(len(places), np.bool_), np.full(len(places), -1)
     found = [(0, 0, 0.0, 0.0, 0.0) for _ in range(0)]
     for pair in range(len(first)):
         a, b = first[pair], second[pair]
-        bounds = _list_blocks(a, b, places.origin, large, blocks, horizon)
-        touching = _list_touching_places(a, b, bounds, places, horizon, lanes, shared)
-        for k in range(_label_encounters(touching, places.s, group)):
+        near = _list_blocks(a, b, origin, large, blocks, horizon)
+        touching = _list_touching_places(a, b, near, places, origin, horizon, lanes, shared)
+        for k in range(_label_encounters(touching, places, group)):
             least, time, other_time = _find_least_lag(
-                [each for each in touching if group[each[1]] == k], places.table
+                [each for each in touching if group[each[1]] == k], places
             )
             if least < np.inf:
                 found.append((a, b, least, time, other_time))
@@ -233,7 +194,8 @@ def _list_touching_places(
     a: int,
     b: int,
     blocks: list[tuple[int, int]],
-    places: _Occupancies,
+    places: Places,
+    origin: IntArray,
     horizon: float,
     lanes: LaneTable,
     shared: BoolArray,
@@ -246,22 +208,22 @@ def _list_touching_places(
     Args:
         shared: [K] room to note which places are in such a lane; all false, before and after.
     """
-    origin, table, aligned = places.origin, places.table, np.cos(SHARED)
-    found = [(0.0, 0, 0) for _ in range(0)]
+    found, aligned = [(0.0, 0, 0) for _ in range(0)], np.cos(SHARED)
     open_yet = lanes.is_vehicle[a] == lanes.is_vehicle[b]
     for i, j in blocks:
         for m in range(i, min(i + BLOCK, origin[a + 1])):
             for n in range(j, min(j + BLOCK, origin[b + 1])):
                 if shared[m] or shared[n]:
                     continue
-                lag = _bound_lag(m, n, places.reach, table, horizon)
+                here, there = places[m], places[n]
+                lag = _bound_lag(here, there, horizon)
                 if lag == np.inf:
                     continue
                 found.append((lag, m, n))
-                facing = table[_COS, m] * table[_COS, n] + table[_SIN, m] * table[_SIN, n]
+                facing = here.cos * there.cos + here.sin * there.sin
                 if open_yet and facing >= aligned:
                     open_yet = False
-                    _mark_shared_lanes(a, b, places, lanes, shared)
+                    _mark_shared_lanes(a, b, places, origin, lanes, shared)
                     found = [each for each in found if not (shared[each[1]] or shared[each[2]])]
     shared[origin[a] : origin[a + 1]] = False
     shared[origin[b] : origin[b + 1]] = False
@@ -270,16 +232,16 @@ def _list_touching_places(
 
 @compiled_to_write
 def _mark_shared_lanes(
-    a: int, b: int, places: _Occupancies, lanes: LaneTable, shared: BoolArray
+    a: int, b: int, places: Places, origin: IntArray, lanes: LaneTable, shared: BoolArray
 ) -> None:
     """Writes which places of two movers are in a stretch that either shares with the other."""
     ones, twos = _find_stretches(a, b, lanes), _find_stretches(b, a, lanes)
     if len(ones) == 0 or len(twos) == 0:
         return
     for mover, stretches in ((a, ones), (b, twos)):
-        for k in range(places.origin[mover], places.origin[mover + 1]):
-            here = places.s[k]
-            shared[k] = ((stretches[:, 0] <= here) & (here <= stretches[:, 1])).any()
+        for k in range(origin[mover], origin[mover + 1]):
+            s = places[k].s
+            shared[k] = ((stretches[:, 0] <= s) & (s <= stretches[:, 1])).any()
 
 
 @compiled
@@ -329,35 +291,34 @@ def _list_blocks(
 
 
 @compiled
-def _bound_blocks(origin: IntArray, table: FloatArray, size: int) -> FloatArray:
+def _bound_blocks(origin: IntArray, places: Places, size: int) -> FloatArray:
     """[8, K] what bounds the block that begins at a place.
 
     From when until when it is there [s]; and a box: x and y of its middle, cosine and sine of its
     heading, half its length and width [m], with all that `is_in_touch` allows for at the corners.
     """
-    blocks = np.empty((8, len(table[0])))
+    blocks = np.empty((8, len(places)))
     for owner in range(len(origin) - 1):
         for i in range(origin[owner], origin[owner + 1], size):
             end = min(i + size, origin[owner + 1])
-            k = (i + end) // 2
-            x, y, cos, sin = table[_SWEPT_X, k], table[_SWEPT_Y, k], table[_COS, k], table[_SIN, k]
+            middle = places[(i + end) // 2]
+            x, y, cos, sin = middle.mid_x, middle.mid_y, middle.cos, middle.sin
             front, rear, left, right = -np.inf, np.inf, -np.inf, np.inf
             for k in range(i, end):
-                dx, dy = table[_SWEPT_X, k] - x, table[_SWEPT_Y, k] - y
+                place = places[k]
+                dx, dy = place.mid_x - x, place.mid_y - y
                 along, aside = cos * dx + sin * dy, cos * dy - sin * dx
-                turned = abs(cos * table[_COS, k] + sin * table[_SIN, k])
-                across = abs(cos * table[_SIN, k] - sin * table[_COS, k])
-                length, width = table[_SWEPT_LENGTH, k], table[_WIDTH, k]
-                room = 1.5 * (table[_SWEPT_RADIUS, k] + table[_SLACK, k])
+                turned = abs(cos * place.cos + sin * place.sin)
+                across = abs(cos * place.sin - sin * place.cos)
+                length, width = place.swept_length, place.width
+                room = 1.5 * (place.swept_radius + place.slack)
                 long, wide = length * turned + width * across, length * across + width * turned
                 front, rear = max(front, along + long + room), min(rear, along - long - room)
                 left, right = max(left, aside + wide + room), min(right, aside - wide - room)
             along, aside = (front + rear) / 2, (left + right) / 2
-            blocks[0, i], blocks[1, i] = table[_ARRIVE, i], table[_DEPART, end - 1] + STEP
-            blocks[2, i], blocks[3, i] = (
-                x + cos * along - sin * aside,
-                y + sin * along + cos * aside,
-            )
+            blocks[0, i], blocks[1, i] = places[i].arrive, places[end - 1].depart + STEP
+            blocks[2, i] = x + cos * along - sin * aside
+            blocks[3, i] = y + sin * along + cos * aside
             blocks[4, i], blocks[5, i] = cos, sin
             blocks[6, i], blocks[7, i] = (front - rear) / 2, (left - right) / 2
     return blocks
@@ -373,43 +334,36 @@ def _may_touch(a: FloatArray, b: FloatArray, horizon: float) -> bool:
 
 
 @compiled
-def _bound_lag(i: int, j: int, reach: FloatArray, table: FloatArray, horizon: float) -> float:
+def _bound_lag(one: Any, two: Any, horizon: float) -> float:
     """Lower bound of the lag of two places [s]; infinite where they do not touch in time."""
-    dx, dy = table[_SWEPT_X, i] - table[_SWEPT_X, j], table[_SWEPT_Y, i] - table[_SWEPT_Y, j]
-    room = reach[i] + reach[j]
+    dx, dy, room = one.mid_x - two.mid_x, one.mid_y - two.mid_y, one.reach + two.reach
     if dx * dx + dy * dy > room * room:
         return np.inf
-    lag = max(table[_ARRIVE, i] - (table[_DEPART, j] + STEP),
-              table[_ARRIVE, j] - (table[_DEPART, i] + STEP))  # fmt: skip
+    lag = max(one.arrive - (two.depart + STEP), two.arrive - (one.depart + STEP))
     if lag > horizon:
         return np.inf
-    slack = table[_SLACK, i] + table[_SLACK, j]
-    touch = is_in_touch(*_get_swept_footprint(table, i), *_get_swept_footprint(table, j), slack)
+    # The footprints midway to the next places, lengthened by the way.
+    pose = (one.mid_x, one.mid_y, one.cos, one.sin)
+    other_pose = (two.mid_x, two.mid_y, two.cos, two.sin)
+    size = (one.swept_length, one.width, one.swept_radius)
+    other_size = (two.swept_length, two.width, two.swept_radius)
+    touch = is_in_touch(pose, size, other_pose, other_size, one.slack + two.slack)
     return max(lag, 0.0) if touch else np.inf
-
-
-@compiled
-def _get_swept_footprint(table: FloatArray, i: int) -> tuple[Pose, Box]:
-    """The footprint midway to the next place, lengthened by the way."""
-    return (
-        (table[_SWEPT_X, i], table[_SWEPT_Y, i], table[_COS, i], table[_SIN, i]),
-        (table[_SWEPT_LENGTH, i], table[_WIDTH, i], table[_SWEPT_RADIUS, i]),
-    )
 
 
 @compiled_to_write
 def _label_encounters(
-    touching: list[tuple[float, int, int]], s: FloatArray, group: IntArray
+    touching: list[tuple[float, int, int]], places: Places, group: IntArray
 ) -> int:
     """Writes in which encounter every place of a pair's first is; returns how many there are."""
-    low, high = len(s), -1
+    low, high = len(places), -1
     for _lag, place, _other in touching:
         group[place] = 0
         low, high = min(low, place), max(high, place)
     count, last = 0, -1
     for place in range(low, high + 1):
         if group[place] >= 0:
-            if last < 0 or s[place] - s[last] > SPLIT:
+            if last < 0 or places[place].s - places[last].s > SPLIT:
                 count += 1
             group[place], last = count - 1, place
     return count
@@ -417,7 +371,7 @@ def _label_encounters(
 
 @compiled
 def _find_least_lag(
-    touching: list[tuple[float, int, int]], table: FloatArray
+    touching: list[tuple[float, int, int]], places: Places
 ) -> tuple[float, float, float]:
     """Least lag of one encounter, to 4 ms, and when either is there [s]; inf where they never are.
 
@@ -427,20 +381,22 @@ def _find_least_lag(
     best, i, j, tried = (np.inf, 0.0, 0.0, 0, 0), 0, 0, 0
     while len(touching) > 0 and (tried % BATCH > 0 or touching[0][0] < best[0]):
         _, p, q = heapq.heappop(touching)
-        near = _compare_places(p, q, table, _PARTS, _PARTS)
+        near = _compare_places(places[p], places[q], _PARTS, _PARTS)
         tried += 1
         if near[0] < best[0]:
             best, i, j = near, p, q
     if 0.0 < best[0] < np.inf:
         part, other_part = _PARTS[best[3]] + _AROUND, _PARTS[best[4]] + _AROUND
-        finer = _compare_places(i, j, table, np.clip(part, 0.0, 1.0), np.clip(other_part, 0.0, 1.0))
+        finer = _compare_places(
+            places[i], places[j], np.clip(part, 0.0, 1.0), np.clip(other_part, 0.0, 1.0)
+        )
         best = finer if finer[0] < best[0] else best
     return best[:3]
 
 
 @compiled
 def _compare_places(
-    i: int, j: int, table: FloatArray, part: FloatArray, other_part: FloatArray
+    one: Any, two: Any, part: FloatArray, other_part: FloatArray
 ) -> tuple[float, float, float, int, int]:
     """Least lag of two places and the two times [s], inf where they do not touch.
 
@@ -449,14 +405,13 @@ def _compare_places(
             least lag are returned by their positions.
     """
     least, time, other_time, first, second = np.inf, 0.0, 0.0, 0, 0
+    size, other_size = (one.length, one.width, one.radius), (two.length, two.width, two.radius)
     for m in range(len(part)):
-        place, begin, end = _compute_footprint_underway(table, i, part[m])
+        pose, begin, end = _compute_footprint_underway(one, part[m])
         for n in range(len(other_part)):
-            other, other_begin, other_end = _compute_footprint_underway(table, j, other_part[n])
+            other_pose, other_begin, other_end = _compute_footprint_underway(two, other_part[n])
             lag = max(begin - other_end, other_begin - end, 0.0)
-            if lag < least and is_in_touch(
-                place, _get_size(table, i), other, _get_size(table, j), TOUCH
-            ):
+            if lag < least and is_in_touch(pose, size, other_pose, other_size, TOUCH):
                 least, first, second = lag, m, n
                 time = min(max(other_begin, begin), end)
                 other_time = min(max(begin, other_begin), other_end)
@@ -464,18 +419,9 @@ def _compare_places(
 
 
 @compiled
-def _get_size(table: FloatArray, i: int) -> Box:
-    return table[_LENGTH, i], table[_WIDTH, i], table[_RADIUS, i]
-
-
-@compiled
-def _compute_footprint_underway(
-    table: FloatArray, i: int, part: float
-) -> tuple[Pose, float, float]:
+def _compute_footprint_underway(place: Any, part: float) -> tuple[Pose, float, float]:
     """The footprint a part of the way to the next place, and from when until when it is there."""
-    x = table[_X, i] + part * (table[_NEXT_X, i] - table[_X, i])
-    y = table[_Y, i] + part * (table[_NEXT_Y, i] - table[_Y, i])
-    heading = table[_HEADING, i] + part * (table[_NEXT_HEADING, i] - table[_HEADING, i])
-    end = table[_DEPART, i] + part * (table[_LEAVE, i] - table[_DEPART, i])
-    begin = end if part > 0.0 else table[_ARRIVE, i]
-    return (x, y, np.cos(heading), np.sin(heading)), begin, end
+    here = place.x, place.y, place.heading
+    pose = interpolate_pose(part, (here, (place.next_x, place.next_y, place.next_heading)))
+    end = place.depart + part * (place.leave - place.depart)
+    return pose, end if part > 0.0 else place.arrive, end
