@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,7 +18,12 @@ from scenewright.tools.relation_checker import (
     measure_lane_gaps,
 )
 from scenewright.tools.relation_checker.signals import SignalPlan
-from scenewright.tools.relation_checker.track_path import build_lane_table, project, project_on_lane
+from scenewright.tools.relation_checker.track_path import (
+    TrackPath,
+    project,
+    project_on_lane,
+)
+from scenewright.tools.relation_checker.trajectory import get_lane_table
 
 LENGTHS = st.lists(st.integers(1, 30), min_size=1, max_size=6)
 
@@ -38,14 +45,20 @@ def wanderers(lengths: list[int], seed: int) -> list[RoadUser]:
 @given(LENGTHS, st.integers(0, 10_000))
 def test_kinematics_paths_and_lanes(lengths: list[int], seed: int) -> None:
     users = wanderers(lengths, seed)
-    for together, user in zip(build_trajectories(users), users, strict=True):
+    tracks = build_trajectories(users)
+    lanes = get_lane_table(tracks)
+    for n, (together, user) in enumerate(zip(tracks, users, strict=True)):
         alone = build_trajectory(user)
         for name in ("steps", "velocity", "speed", "acceleration", "lateral_acceleration"):
             np.testing.assert_array_equal(getattr(together, name), getattr(alone, name), name)
-        for curve, own in ((together.path, alone.path), (together.lane, alone.lane)):
-            np.testing.assert_allclose(curve.xy, own.xy, atol=1e-9)
-            np.testing.assert_allclose(curve.s, own.s, atol=1e-9)
-            assert len(curve.direction) == len(own.direction)
+        lane, own = slice(lanes.begin[n], lanes.begin[n + 1]), get_lane_table((alone,))
+        for values, expected in (
+            (together.path.xy, alone.path.xy), (together.path.s, alone.path.s),
+            (lanes.x[lane], own.x), (lanes.y[lane], own.y), (lanes.s[lane], own.s),
+        ):  # fmt: skip
+            np.testing.assert_allclose(values, expected, atol=1e-9)
+        assert len(together.path.direction) == len(alone.path.direction)
+        assert len(lanes.direction[lane]) == len(own.direction)
 
 
 @given(LENGTHS, st.integers(0, 10_000))
@@ -77,8 +90,10 @@ def test_each_point_on_a_lane_of_its_own(seed: int) -> None:
     rng = np.random.default_rng(seed)
     turning = along(1, bend((-20.0, 0.0), EAST, 20.0, 10.0, 1.5, 30.0), distance(6.0, (0.0, 9.0)))
     straight = line(2, (3.0, -40.0), NORTH, distance(8.0, (0.0, 9.0)))
-    lanes = [m.lane for m in build_trajectories([turning, straight])]
-    table = build_lane_table(lanes)
+    table = get_lane_table(build_trajectories([turning, straight]))
+    ends = (slice(*ends) for ends in pairwise(table.begin))
+    points = np.stack((table.x, table.y), axis=1)
+    lanes = [TrackPath(table.s[k], points[k], table.direction[k]) for k in ends]
     for x, y in rng.uniform(-40.0, 40.0, (60, 2)):
         n = int(rng.integers(0, 2))
         s, lateral, direction = project_on_lane(x, y, table, n, 5.0)
@@ -114,7 +129,6 @@ def test_crossings_of_many_are_those_of_each() -> None:
         *(walk(n, (x, -9.0), NORTH, s / 6) for n, x in enumerate((-8.0, -9.0, 40.0), start=4)),
     ]
     tracks, together = build_trajectories(users), SignalPlan(plan, ground)
-    together.find_all_crossings(tracks)
     for track in tracks:
         assert together.find_crossings(track) == SignalPlan(plan, ground).find_crossings(track)
     # the front, 2.3 m ahead of the centre, reaches the line at x = -12 after 45.7 + 7 n metres

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenewright.scene.events import Event, Finding
 from scenewright.tools.relation_checker.collisions import measure_impact
-from scenewright.tools.relation_checker.contact import PairGrid, compute_gaps_at
+from scenewright.tools.relation_checker.contact import compute_gap_at, compute_gaps_at
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.following import LaneGaps
 from scenewright.tools.relation_checker.pushes import find_strike
@@ -58,15 +58,16 @@ def check_interference(
         if k not in expected and not is_incidental(e, roles)
     ]  # fmt: skip
     found += find_contacts(observed)
-    near = observed.near
+    near, table = observed.near, observed.grid.table
     for row in np.flatnonzero(near.least < MIN_CLEARANCE - ROUNDING).tolist():
-        first, second = (observed.tracks[k] for k in observed.grid.pairs[row])
+        first, second = (observed.tracks[k] for k in table.pairs[row])
         walking = not (first.is_vehicle or second.is_vehicle)
         if walking or frozenset((first.id, second.id)) in roles.bound or row in near.contacts:
             continue
-        k = int(observed.grid.common[row, 0] + np.argmin(near.get_gaps(row)))
+        begin, count = table.common[row]
+        closest = int(np.argmin([compute_gap_at(table, row, k) for k in range(count)]))
         found.append(_report_measured(
-            "clearance", (first, second), time=float(observed.grid.times[k]),
+            "clearance", (first, second), time=float(table.times[begin + closest]),
             value=float(near.least[row]), limit=MIN_CLEARANCE, unit="m apart",
         ))  # fmt: skip
     for encounter in observed.encounters:
@@ -102,7 +103,7 @@ def find_contacts(observed: SceneObservation) -> Iterator[Finding]:
     """Contacts that are no collision: at spawn, or slower than 1 m/s."""
     collided = {frozenset((e.from_, e.to)) for e in observed.events if e.type == "collision"}
     for row, contact in observed.near.contacts.items():
-        first, second = (observed.tracks[k] for k in observed.grid.pairs[row])
+        first, second = (observed.tracks[k] for k in observed.grid.table.pairs[row])
         if frozenset((first.id, second.id)) not in collided:
             how, speed = "overlap from the start", ""
             if not contact.initial:
@@ -182,22 +183,20 @@ def check_wrecks(
                     detail=f"{track.type} {n} goes on for {after:.1f} s after its "
                     f"collision at {event.time:.1f} s; at most {WRECK_ENDS_WITHIN} s",
                 ))  # fmt: skip
-            found += check_wreck_clearance(track, observed.grid, {event.from_, event.to}, until)
+            found += check_wreck_clearance(track, observed.tracks, {event.from_, event.to}, until)
     return tuple(found)
 
 
 def check_wreck_clearance(
-    wreck: Trajectory, grid: PairGrid, involved: set[int], until: float
+    wreck: Trajectory, tracks: Sequence[Trajectory], involved: set[int], until: float
 ) -> Iterator[Finding]:
     """Agents that come within 0.5 m of a wreck after its track has ended."""
-    owner = np.repeat(np.arange(len(grid.tracks)), np.diff(grid.origin))
-    times = grid.times[np.arange(len(owner)) - grid.shift[owner]]
-    away = grid.xy - wreck.xy[-1]
-    near = np.hypot(away[:, 0], away[:, 1]) < grid.reach[owner] + wreck.reach + MIN_CLEARANCE
-    near &= (times > wreck.end + 1e-6) & (times <= until + 1e-6)
-    for n in np.unique(owner[near]).tolist():
-        other, there = grid.tracks[n], times[near & (owner == n)]
-        if other.id in involved:
+    x, y = wreck.xy[-1].tolist()
+    for other in tracks:
+        west, south, east, north = other.bounds
+        away = max(west - x, x - east, south - y, y - north) - other.reach - wreck.reach
+        there = other.times[(other.times > wreck.end + 1e-6) & (other.times <= until + 1e-6)]
+        if other.id in involved or not len(there) or away > MIN_CLEARANCE:
             continue
         gaps = compute_gaps_at(wreck, other, times=there)
         k = int(gaps.argmin())

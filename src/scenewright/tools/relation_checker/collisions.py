@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Literal, cast
 
 import numpy as np
 
-from scenewright.scene.base import FloatArray
 from scenewright.scene.social import CollisionKind, ImpactPoint
 from scenewright.tools.relation_checker.contact import estimate_velocity_before, find_contact_point
-from scenewright.tools.relation_checker.footprints import compute_angle_between
+from scenewright.tools.relation_checker.footprints import (
+    compute_angle_between,
+    compute_offsets,
+)
 from scenewright.tools.relation_checker.signals import SignalPlan
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
@@ -56,7 +59,10 @@ def measure_impact(first: Trajectory, second: Trajectory, *, time: float) -> Imp
     place = find_contact_point(first, second, time=time)
     one, two = (estimate_velocity_before(m, time=time) for m in (first, second))
     poses = [m.at(np.array([time])) for m in (first, second)]
-    where = [_locate(place, *pose) for pose in poses]
+    where = [
+        (float(along[0]), float(across[0]))
+        for along, across in (compute_offsets(np.array(place), *pose) for pose in poses)
+    ]
     return Impact(
         place=place,
         speeds=(float(np.hypot(*one)), float(np.hypot(*two))),
@@ -65,13 +71,6 @@ def measure_impact(first: Trajectory, second: Trajectory, *, time: float) -> Imp
         points=(_find_impact_point(first, *where[0]), _find_impact_point(second, *where[1])),
         angle=float(compute_angle_between(poses[0][1], poses[1][1])[0]),
     )
-
-
-def _locate(place: tuple[float, float], xy: FloatArray, heading: FloatArray) -> tuple[float, float]:
-    """How far along a heading, and to the left of it, a place lies from a position [m]."""
-    (x, y), (cos, sin) = xy[0].tolist(), (float(np.cos(heading[0])), float(np.sin(heading[0])))
-    east, north = place[0] - x, place[1] - y
-    return east * cos + north * sin, north * cos - east * sin
 
 
 def _find_contact_side(track: Trajectory, along: float) -> Side | None:
@@ -156,38 +155,18 @@ def find_striker(first: Trajectory, second: Trajectory, hit: Impact) -> int:
     return 0 if hit.speeds[0] >= hit.speeds[1] - 0.1 else 1
 
 
-def find_cause(
+def find_causes(
     first: Trajectory, second: Trajectory, *, time: float, lights: SignalPlan
-) -> tuple[str, int] | None:
-    """What led to a collision or near miss, and the id of the agent that did it.
+) -> tuple[tuple[str, int] | None, int | None]:
+    """What led to a collision or near miss and the id of who did it; the id of who braked late.
 
     `red_light_run`: it crossed its stop line, or stepped into the crosswalk, on red before the
     event. `late_brake`: a vehicle brakes harder than 3.4 m/s^2 in the last 3 s, and half a second
     before it began to, it had for a second not braked harder than for a curve.
     """
+    late = _find_late_braker(first, second, time)
     red = find_red_run(first, second, time=time, lights=lights)
-    if red is not None:
-        return red
-    late = find_late_braker(first, second, time=time)
-    return None if late is None else ("late_brake", late)
-
-
-def find_late_braker(first: Trajectory, second: Trajectory, *, time: float) -> int | None:
-    """The id of the first of the two that brakes late before a time [s]; None if neither does.
-
-    Of two that drive one way it is the one that began: the other brakes because of it.
-    """
-    late = []
-    for track in (m for m in (first, second) if m.is_vehicle):
-        onset = _find_onset(track, time)
-        before = (track.times >= onset - 1.5) & (track.times <= onset - 0.5)
-        if np.isfinite(onset) and before.any():
-            late += [] if (track.acceleration[before] < -CURVE_BRAKING).any() else [track]
-    if len(late) == 2:
-        headings = (m.at(np.array([time]))[1] for m in late)
-        if float(compute_angle_between(*headings)[0]) <= np.deg2rad(30.0):
-            late.sort(key=lambda each: _find_onset(each, time))
-    return late[0].id if late else None
+    return red or (None if late is None else ("late_brake", late)), late
 
 
 def find_red_run(
@@ -200,8 +179,21 @@ def find_red_run(
     return None
 
 
-def _find_onset(track: Trajectory, time: float) -> float:
-    """When it begins to brake hard in the 3 s before a time [s]; inf if it does not."""
-    hard = track.acceleration < -3.4
-    hard &= (track.times >= time - 3.0) & (track.times <= time + 1e-6)
-    return float(track.times[int(np.argmax(hard))]) if hard.any() else float("inf")
+def _find_late_braker(first: Trajectory, second: Trajectory, time: float) -> int | None:
+    """The id of the first of the two that brakes late before a time [s]; None if neither does.
+
+    Of two that drive one way it is the one that began: the other brakes because of it.
+    """
+    late: list[tuple[float, Trajectory]] = []
+    for track in (m for m in (first, second) if m.is_vehicle):
+        times = track.times
+        hard = (track.acceleration < -3.4) & (times >= time - 3.0) & (times <= time + 1e-6)
+        onset = float(times[int(np.argmax(hard))]) if hard.any() else np.inf
+        before = track.acceleration[(times >= onset - 1.5) & (times <= onset - 0.5)]
+        if np.isfinite(onset) and len(before) and not (before < -CURVE_BRAKING).any():
+            late.append((onset, track))
+    if len(late) == 2:
+        headings = (track.at(np.array([time]))[1] for _, track in late)
+        if float(compute_angle_between(*headings)[0]) <= np.deg2rad(30.0):
+            late.sort(key=itemgetter(0))
+    return late[0][1].id if late else None

@@ -19,7 +19,7 @@ from scenewright.tools.relation_checker.conflict_zones import (
     find_nearest_zone,
     find_zone_occupancy,
 )
-from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.events import ONWARDS, SceneObservation
 from scenewright.tools.relation_checker.following import CREEP, LOOK_AHEAD
 from scenewright.tools.relation_checker.footprints import BoolArray, compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
@@ -254,11 +254,8 @@ def is_in_zone(
             return on_road
 
 
-_ONWARDS, _ON_FOOT = 15.0, 5.0
-"""How far [m] the ways of two who collide are taken to go straight on from the contact."""
-
 _SLOWEST = 1.0
-"""Speed [m/s] of that for who hardly moves at the contact."""
+"""Speed [m/s] at which who hardly moves at the contact is taken to go on from it."""
 
 
 @dataclass(frozen=True)
@@ -287,7 +284,7 @@ def find_passing_order(observed: SceneObservation, event: Event) -> PassingOrder
 
 def find_crossing_order(observed: SceneObservation, pair: Set[int]) -> PassingOrder | None:
     """The order of two who do not touch, where they come closest in time; None without one."""
-    closest = min(observed.list_encounters(pair), key=lambda each: each.pet, default=None)
+    closest = observed.find_closest(pair)
     if closest is None:
         return None
     times = (closest.first_time, closest.second_time)
@@ -297,11 +294,11 @@ def find_crossing_order(observed: SceneObservation, pair: Set[int]) -> PassingOr
 
 def list_passing_orders(observed: SceneObservation, among: Set[int]) -> list[dict[str, Any]]:
     """Rows of who passes first, of all pairs of these agents that have an order."""
-    ids = observed.ids
-    orders: dict[frozenset[int], PassingOrder | None] = {}
-    for pair in (frozenset((ids[each.first], ids[each.second])) for each in observed.encounters):
-        if pair <= among and pair not in orders:
-            orders[pair] = find_crossing_order(observed, pair)
+    orders = {
+        pair: find_crossing_order(observed, pair)
+        for pair in observed.encounters_by_pair
+        if pair <= among
+    }
     for event in observed.events:
         if event.type == "collision" and {event.from_, event.to} <= among:
             orders[frozenset((event.from_, event.to))] = _find_entering_order(observed, event)
@@ -324,8 +321,7 @@ def _find_entering_order(observed: SceneObservation, event: Event) -> PassingOrd
         last = track.index(event.time)
         until = replace(track, xy=track.xy[: last + 1], heading=track.heading[: last + 1])
         speed = max(float(track.speed[last]), _SLOWEST)
-        onwards = _ON_FOOT if track.type == "pedestrian" else _ONWARDS
-        pair.append(extend_straight(until, distance=onwards, speed=speed))
+        pair.append(extend_straight(until, distance=ONWARDS[track.type], speed=speed))
     zone = find_nearest_zone(pair[0], pair[1], event.location)
     stays = [] if zone is None else [find_zone_occupancy(each, zone) for each in pair]
     entered = [(stay.enter, track.id) for stay, track in zip(stays, pair, strict=False) if stay]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,20 +14,16 @@ from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
     IntArray,
-    Pose,
     compute_corners,
     compute_gap,
     compute_gaps,
-    double_room,
     get_box,
+    get_step,
+    interpolate_pose,
     make_pose,
 )
 from scenewright.tools.relation_checker.planar import Area, geos
-from scenewright.tools.relation_checker.trajectory import (
-    Trajectory,
-    concatenate_samples,
-    interpolate_samples,
-)
+from scenewright.tools.relation_checker.trajectory import Trajectory, concatenate_samples
 
 EXACT_BELOW = 1.2
 """Clearances below this are exact [m], others lower bounds."""
@@ -138,7 +133,18 @@ def estimate_velocity_before(track: Trajectory, *, time: float) -> FloatArray:
 
 
 class GridTable(NamedTuple):
-    """`PairGrid` for machine code, with the start of each track [N] [s]."""
+    """Samples of N movers on one time grid, and M pairs of them, for machine code.
+
+    Attributes:
+        pairs: [M, 2] indices of all pairs, or of those that may have to do with one another.
+        common: [M, 2] first column of the grid at which both are present, and how many there are.
+        shift: [N] what a column of the grid is short of its sample, where the mover is present.
+        origin: [N+1] where each mover's samples begin, the last entry being S.
+        times: [T] of the grid [s]; starts: [N] of the tracks [s].
+        xy: [S, 2] [m] and heading: [S] [rad] of all samples, track after track.
+        reach: [N] radius of the circle round each footprint [m].
+        sizes: [3, N] half length, half width and radius of each footprint [m].
+    """
 
     pairs: IntArray
     common: IntArray
@@ -154,69 +160,24 @@ class GridTable(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PairGrid:
-    """All movers on one time grid.
-
-    Attributes:
-        tracks: N of them; times: [T] [s].
-        xy: [S, 2] and heading: [S] of all samples, track after track.
-        origin: [N+1] where each track's samples begin, the last entry being S.
-        first: [N] column of each track's first sample on the grid.
-        pairs: [M, 2] indices of all pairs, or of those that may have to do with one another.
-    """
+    """All movers on one time grid."""
 
     tracks: tuple[Trajectory, ...]
-    times: FloatArray
-    xy: FloatArray
-    heading: FloatArray
-    origin: IntArray
-    first: IntArray
-    pairs: IntArray
-
-    @cached_property
-    def common(self) -> IntArray:
-        """[M, 2] first column at which both of a pair are present, and how many there are."""
-        last = self.first + np.diff(self.origin)
-        a, b = self.pairs.T
-        begin = np.maximum(self.first[a], self.first[b])
-        count = np.maximum(np.minimum(last[a], last[b]) - begin, 0)
-        return np.stack((begin, count), axis=1)
-
-    @cached_property
-    def shift(self) -> IntArray:
-        """[N] what a column of the grid is short of its sample, where the mover is present."""
-        return np.asarray(self.origin[:-1] - self.first)
-
-    @cached_property
-    def table(self) -> GridTable:
-        """All that machine code asks for."""
-        return GridTable(
-            self.pairs, self.common, self.shift, self.origin, self.times,
-            np.array([m.start for m in self.tracks]), self.xy, self.heading, self.reach, self.sizes,
-        )  # fmt: skip
-
-    @cached_property
-    def sizes(self) -> FloatArray:
-        """[3, N] half length, half width and radius of each footprint [m]."""
-        boxes = np.array([m.box for m in self.tracks]).reshape(-1, 3)
-        return np.ascontiguousarray(boxes.T)
-
-    @cached_property
-    def reach(self) -> FloatArray:
-        """[N] radius of the circle round each footprint [m]."""
-        return np.array([m.reach for m in self.tracks])
+    table: GridTable
 
     def find_rows(self, pairs: Collection[tuple[int, int]]) -> BoolArray:
         """[M] whether the pair of a row is one of these pairs of positions, in either order."""
         rows = np.sort(np.array([*pairs], dtype=np.intp).reshape(-1, 2))
         weights = np.array((len(self.tracks), 1))
-        return np.isin(self.pairs @ weights, rows @ weights)
+        return np.isin(self.table.pairs @ weights, rows @ weights)
 
     def list_near(self, place: FloatArray, time: float, *, within: float) -> list[Trajectory]:
         """Movers that are present about a time [s] no further than this from a place [m]."""
-        k, last = round((time - self.times[0]) / STEP) - self.first, np.diff(self.origin) - 1
+        table, last = self.table, np.diff(self.table.origin) - 1
+        k = round((time - table.times[0]) / STEP) + table.shift - table.origin[:-1]
         there = np.flatnonzero((k >= -1) & (k <= last + 1))
-        sample = self.origin[there] + np.minimum(np.maximum(k[there], 0), last[there])
-        away = self.xy[sample] - place
+        sample = table.origin[there] + np.minimum(np.maximum(k[there], 0), last[there])
+        away = table.xy[sample] - place
         return [self.tracks[n] for n in there[np.hypot(*away.T) <= within].tolist()]
 
 
@@ -226,38 +187,39 @@ def build_pair_grid(tracks: tuple[Trajectory, ...], *, near_only: bool = False) 
     Args:
         near_only: leave out pairs that are never near one another (`find_near_pairs`).
     """
-    start = min((m.start for m in tracks), default=0.0)
-    end = max((m.end for m in tracks), default=0.0)
+    spans = np.array([(m.start, m.end) for m in tracks]).reshape(-1, 2)
+    start, end = (float(spans[:, 0].min()), float(spans[:, 1].max())) if len(tracks) else (0.0, 0.0)
     times = np.asarray(start + STEP * np.arange(round((end - start) / STEP) + 1), dtype=np.float64)
     xy, heading, origin = concatenate_samples(tracks)
-    first = np.array([round((m.start - start) / STEP) for m in tracks], dtype=np.intp)
+    first = np.rint((spans[:, 0] - start) / STEP).astype(np.intp)
+    last = first + np.diff(origin)
     if near_only:
-        spans = np.array([(m.start, m.end) for m in tracks]).reshape(-1, 2)
         pairs = find_near_pairs(spans, np.array([m.bounds for m in tracks]).reshape(-1, 4))
     else:
         pairs = np.stack(np.triu_indices(len(tracks), 1), axis=1)
-    return PairGrid(tracks, times, xy, heading, origin, first, pairs)
+    a, b = pairs.T
+    begin = np.maximum(first[a], first[b])
+    common = np.stack((begin, np.maximum(np.minimum(last[a], last[b]) - begin, 0)), axis=1)
+    sizes = np.ascontiguousarray(np.array([m.box for m in tracks]).reshape(-1, 3).T)
+    reach = np.array([m.reach for m in tracks])
+    return PairGrid(tracks, GridTable(
+        pairs, common, origin[:-1] - first, origin, times, spans[:, 0].copy(), xy, heading, reach,
+        sizes,
+    ))  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class PairGaps:
-    """How near all pairs come.
+    """How near all pairs of a grid come.
 
     Attributes:
-        grid: the pairs.
         least: [M] least gap of each pair [m], exact below `EXACT_BELOW`, else a lower bound; inf
             where they are never both present.
-        contacts: first contact of each pair that has one, by row of `PairGrid.pairs`.
+        contacts: first contact of each pair that has one, by row of `GridTable.pairs`.
     """
 
-    grid: PairGrid
     least: FloatArray
     contacts: dict[int, FirstContact]
-
-    def get_gaps(self, row: int) -> FloatArray:
-        """Gaps [m] of a pair from the first to the last time at which both are present."""
-        count = self.grid.common[row, 1]
-        return np.array([compute_gap_at(self.grid.table, row, k) for k in range(count)])
 
 
 def measure_pair_gaps(grid: PairGrid) -> PairGaps:
@@ -265,9 +227,9 @@ def measure_pair_gaps(grid: PairGrid) -> PairGaps:
     least, contact = _measure_pairs(grid.table)
     contacts = {}
     for row in np.flatnonzero(~np.isnan(contact)).tolist():
-        initial, both = contact[row] == -np.inf, grid.table.starts[grid.pairs[row]]
+        initial, both = contact[row] == -np.inf, grid.table.starts[grid.table.pairs[row]]
         contacts[row] = FirstContact(float(both.max() if initial else contact[row]), bool(initial))
-    return PairGaps(grid, least, contacts)
+    return PairGaps(least, contacts)
 
 
 # ---- as machine code ----------------------------------------------------------------------------
@@ -276,68 +238,39 @@ def measure_pair_gaps(grid: PairGrid) -> PairGaps:
 @compiled
 def _find_contact_in_step(grid: GridTable, row: int, k: int) -> float:
     """The first contact within the step from a pair's k-th common sample [s], NaN if none."""
-    a, b = grid.pairs[row]
+    a, b, i, j = _find_samples(grid, row, k)
     start = grid.times[grid.common[row, 0] + k]
-    xy, heading = _get_ends(grid, a, start)
-    other_xy, other_heading = _get_ends(grid, b, start)
+    step, other_step = get_step(grid.xy, grid.heading, i), get_step(grid.xy, grid.heading, j)
     size, other_size = get_box(grid.sizes, a), get_box(grid.sizes, b)
-    dx = (other_xy[1, 0] - xy[1, 0]) - (other_xy[0, 0] - xy[0, 0])
-    dy = (other_xy[1, 1] - xy[1, 1]) - (other_xy[0, 1] - xy[0, 1])
-    bound = np.hypot(dx, dy) + grid.reach[a] * abs(heading[1] - heading[0])
-    bound += grid.reach[b] * abs(other_heading[1] - other_heading[0])
+    dx = (other_step[1][0] - step[1][0]) - (other_step[0][0] - step[0][0])
+    dy = (other_step[1][1] - step[1][1]) - (other_step[0][1] - step[0][1])
+    bound = np.hypot(dx, dy) + grid.reach[a] * abs(step[1][2] - step[0][2])
+    bound += grid.reach[b] * abs(other_step[1][2] - other_step[0][2])
     part = 0.0
     for _ in range(200):
-        one, two = _compute_pose(xy, heading, part), _compute_pose(other_xy, other_heading, part)
+        one, two = interpolate_pose(part, step), interpolate_pose(part, other_step)
         gap = compute_gap(one, size, two, other_size)
         if gap <= TOUCH:
             return float(start + part * STEP)
         part += max(gap / max(bound, 1e-9), 1e-3)
         if part > 1.0:
             break
-    one, two = _compute_pose(xy, heading, 1.0), _compute_pose(other_xy, other_heading, 1.0)
+    one, two = interpolate_pose(1.0, step), interpolate_pose(1.0, other_step)
     return float(start + STEP if compute_gap(one, size, two, other_size) <= TOUCH else np.nan)
 
 
-@compiled
-def _get_ends(grid: GridTable, n: int, start: float) -> tuple[FloatArray, FloatArray]:
-    """Positions [2, 2] and headings [2] of a mover at both ends of a step from a time [s] on."""
-    own = slice(grid.origin[n], grid.origin[n + 1])
-    ends = start + np.array((0.0, STEP))
-    return interpolate_samples(ends, grid.starts[n], grid.xy[own], grid.heading[own])
-
-
-@compiled
-def _compute_pose(xy: FloatArray, heading: FloatArray, part: float) -> Pose:
-    """A part of the way from the first to the second of two positions [2, 2] and headings [2]."""
-    return make_pose(
-        xy[0, 0] + part * (xy[1, 0] - xy[0, 0]),
-        xy[0, 1] + part * (xy[1, 1] - xy[0, 1]),
-        heading[0] + part * (heading[1] - heading[0]),
-    )
-
-
-@compiled
 def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
     """[M, 2] pairs whose tracks come near enough in time and place for any event between them.
 
     Args:
         spans: [N, 2] start and end [s]; bounds: [N, 4] west, south, east and north [m].
     """
-    first: IntArray = np.empty(64, np.intp)
-    second: IntArray = np.empty(64, np.intp)
-    count = 0
-    for a in range(len(spans)):
-        for b in range(a + 1, len(spans)):
-            pause = max(spans[a, 0], spans[b, 0]) - min(spans[a, 1], spans[b, 1])
-            aside = max(bounds[a, 0], bounds[b, 0]) - min(bounds[a, 2], bounds[b, 2])
-            along = max(bounds[a, 1], bounds[b, 1]) - min(bounds[a, 3], bounds[b, 3])
-            if pause > NEAR_IN_TIME or max(aside, along) > NEAR_IN_PLACE:
-                continue
-            if count == len(first):
-                first, second = double_room(first), double_room(second)
-            first[count], second[count] = a, b
-            count += 1
-    return np.stack((first[:count], second[:count]), axis=1)
+    room = np.array((-NEAR_IN_PLACE, -NEAR_IN_PLACE, NEAR_IN_PLACE, NEAR_IN_PLACE))
+    near = geos.STRtree(geos.box(*bounds.T)).query(geos.box(*(bounds + room).T))
+    first, second = near[:, near[0] < near[1]]
+    pause = np.maximum(spans[first, 0], spans[second, 0]) - spans[[first, second], 1].min(axis=0)
+    pairs = np.stack((first, second), axis=1)[pause <= NEAR_IN_TIME]
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
 
 
 @compiled
@@ -397,8 +330,8 @@ def _closes(grid: GridTable, row: int, k: int, before: float, after: float) -> b
     most = _bound_motion(grid, i, a) + _bound_motion(grid, j, b)
     if before + after > most:
         return False
-    one = _compute_pose_halfway(i, grid.xy, grid.heading)
-    two = _compute_pose_halfway(j, grid.xy, grid.heading)
+    one = interpolate_pose(0.5, get_step(grid.xy, grid.heading, i))
+    two = interpolate_pose(0.5, get_step(grid.xy, grid.heading, j))
     middle = compute_gap(one, get_box(grid.sizes, a), two, get_box(grid.sizes, b))
     return bool(min(middle, middle + min(before, after) - most / 2) <= 0)
 
@@ -409,12 +342,3 @@ def _bound_motion(grid: GridTable, k: int, n: int) -> float:
     dx, dy = grid.xy[k + 1, 0] - grid.xy[k, 0], grid.xy[k + 1, 1] - grid.xy[k, 1]
     turn = grid.reach[n] * abs(grid.heading[k + 1] - grid.heading[k])
     return float(np.sqrt(dx * dx + dy * dy) + turn + 2 * TOUCH)
-
-
-@compiled
-def _compute_pose_halfway(k: int, xy: FloatArray, heading: FloatArray) -> Pose:
-    return make_pose(
-        (xy[k, 0] + xy[k + 1, 0]) / 2,
-        (xy[k, 1] + xy[k + 1, 1]) / 2,
-        (heading[k] + heading[k + 1]) / 2,
-    )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -17,8 +19,7 @@ from scenewright.scene.record import SignalRecord
 from scenewright.tools.relation_checker.collisions import (
     IMPACT_SPEED,
     classify_collision,
-    find_cause,
-    find_late_braker,
+    find_causes,
     find_red_run,
     find_striker,
     measure_impact,
@@ -30,6 +31,7 @@ from scenewright.tools.relation_checker.conflict_zones import (
     find_zone_occupancy,
 )
 from scenewright.tools.relation_checker.contact import (
+    FirstContact,
     GridTable,
     PairGaps,
     PairGrid,
@@ -47,7 +49,7 @@ from scenewright.tools.relation_checker.following import (
     find_followings,
     measure_lane_gaps,
 )
-from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, double_room
+from scenewright.tools.relation_checker.footprints import BoolArray, compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.planar import Area, geos
 from scenewright.tools.relation_checker.signals import SignalPlan
@@ -82,7 +84,8 @@ YIELD_BRAKING = 5.0
 CUT = 0.2 + 1e-6
 """A track that ends this shortly before the scene, or after a contact [s], was ended by it."""
 ONWARDS = {"vehicle": 15.0, "pedestrian": 5.0, "cyclist": 15.0, "scooter": 15.0}
-"""How far who still waits at the end is taken to go straight on, if nothing was asked for [m]."""
+"""How far who still waits at the end, if nothing was asked for, or collides is taken to go straight
+on [m]."""
 
 Pair = tuple[int, int]
 
@@ -119,14 +122,24 @@ class SceneObservation:
         """The tracks by their ids."""
         return {track.id: track for track in self.tracks}
 
-    def list_encounters(self, pair: Collection[int]) -> list[Encounter]:
-        """Encounters of a pair of ids."""
-        ids, wanted = self.ids, set(pair)
-        return [e for e in self.encounters if {ids[e.first], ids[e.second]} == wanted]
+    @cached_property
+    def encounters_by_pair(self) -> dict[frozenset[int], list[Encounter]]:
+        """Encounters by the ids of their two movers."""
+        table: dict[frozenset[int], list[Encounter]] = {}
+        for each in self.encounters:
+            pair = frozenset((self.ids[each.first], self.ids[each.second]))
+            table.setdefault(pair, []).append(each)
+        return table
+
+    def find_closest(self, pair: Collection[int]) -> Encounter | None:
+        """The encounter of a pair of ids with the least PET, if that is up to 8.5 s."""
+        encounters = self.encounters_by_pair.get(frozenset(pair), ())
+        return min(encounters, key=lambda each: each.pet, default=None)
 
     def pet(self, pair: Pair) -> float | None:
         """Least PET of a pair of ids [s]; None above 8.5 s or without conflict."""
-        return min((each.pet for each in self.list_encounters(pair)), default=None)
+        closest = self.find_closest(pair)
+        return None if closest is None else closest.pet
 
 
 def find_events(
@@ -176,27 +189,24 @@ def observe(
     """
     grid = build_pair_grid(build_trajectories(list(users)), near_only=near_only)
     near = measure_pair_gaps(grid)
-    encounters = find_encounters(grid.tracks, asked=asked, among=grid.pairs)
+    encounters = find_encounters(grid.tracks, asked=asked, among=grid.table.pairs)
     lanes = measure_lane_gaps(grid)
     lights = SignalPlan(signals, intersection_map)
-    lights.find_all_crossings(grid.tracks)
-    until = float(grid.times[-1]) if until is None and len(grid.times) else until or 0.0
-    search = _EventSearch(
-        grid, near, encounters, intersection_map, lights, frozenset(asked), until, timely
-    )
-    events = search.events({m.id for m in grid.tracks} if detailed is None else set(detailed))
+    observed = SceneObservation(grid, near, encounters, lanes, lights, ())
+    events = _EventSearch(
+        observed, intersection_map, frozenset(asked),
+        frozenset(observed.ids if detailed is None else detailed),
+        float(grid.table.times[-1]) if until is None else until, timely,
+    ).list_events()  # fmt: skip
     for f in find_followings(lanes):
-        pair = follower, leader = grid.tracks[f.follower], grid.tracks[f.leader]
-        least = {"least_gap": (f.least_gap, f.gap_time),
-                 "least_headway": (f.least_headway, f.headway_time)}  # fmt: skip
+        follower, leader = grid.tracks[f.follower], grid.tracks[f.leader]
         events.append(_build_event(
-            "follow", pair, time=f.start, place=tuple(follower.xy[follower.index(f.start)]),
-            evidence={"until": f.end} | {name: value for name, (value, _) in least.items()},
-            when={name: _build_moment(follower, leader, value, time)
-                  for name, (value, time) in least.items() if value is not None},
+            "follow", (follower, leader), time=f.start, evidence={"until": f.end},
+            place=tuple(follower.xy[follower.index(f.start)]),
+            when={k: _build_moment(follower, leader, *least) for k, least in f.least.items()},
         ))  # fmt: skip
     events.sort(key=lambda e: (e.time, e.from_, e.to))
-    return SceneObservation(grid, near, encounters, lanes, lights, tuple(events))
+    return replace(observed, events=tuple(events))
 
 
 def _build_event(
@@ -238,82 +248,85 @@ def _build_moment(
 
 @dataclass(frozen=True, eq=False)
 class _EventSearch:
-    """Looks for events pair by pair, with precedence."""
+    """Looks for events pair by pair, with precedence; see `observe` for what it is given."""
 
-    grid: PairGrid
-    near: PairGaps
-    encounters: tuple[Encounter, ...]
+    observed: SceneObservation
     intersection_map: IntersectionMap | None
-    lights: SignalPlan
     asked: frozenset[Pair]
+    detailed: frozenset[int]
     until: float
     timely: bool
 
-    @cached_property
-    def by_pair(self) -> dict[Pair, list[Encounter]]:
-        """Encounters by the indices of their movers."""
-        table: dict[Pair, list[Encounter]] = {}
-        for encounter in self.encounters:
-            table.setdefault((encounter.first, encounter.second), []).append(encounter)
-        return table
+    @property
+    def tracks(self) -> tuple[Trajectory, ...]:
+        return self.observed.tracks
 
-    def events(self, detailed: set[int]) -> list[Event]:
+    @property
+    def _left_hand(self) -> bool:
+        return self.intersection_map is not None and self.intersection_map.left_hand_traffic
+
+    @cached_property
+    def _index(self) -> dict[int, int]:
+        """Position of every mover, by id."""
+        return {n: k for k, n in enumerate(self.observed.ids)}
+
+    def _is_asked(self, first: Trajectory, second: Trajectory) -> bool:
+        return not self.asked.isdisjoint(((first.id, second.id), (second.id, first.id)))
+
+    def list_events(self) -> list[Event]:
         """Collisions, yields and near misses."""
-        found: list[Event] = []
-        braked = self._find_braked_pairs()
+        grid, near, found = self.observed.grid, self.observed.near, list[Event]()
+        pairs, braked = grid.table.pairs, self._find_braked_pairs()
         # Rows of the pairs that may have an event; many others never have to do with another.
-        asked = [(self._index[a], self._index[b]) for a, b in self.asked]
-        waits = np.array(self._cut_off, dtype=np.bool_)[self.grid.pairs]
-        wanted = self.grid.find_rows(self.by_pair) | self._crossed.any(axis=1)
-        wanted |= waits.any(axis=1) & self.grid.find_rows(asked)
+        waits = np.array(self._cut_off, dtype=np.bool_)[pairs].any(axis=1)
+        wanted = grid.find_rows([(each.first, each.second) for each in self.observed.encounters])
+        wanted |= self._crossed.any(axis=1)
+        wanted |= waits & grid.find_rows([(self._index[a], self._index[b]) for a, b in self.asked])
         # One rides, the other drives.
         wheels = np.array([m.is_rider - 0.5 if m.is_vehicle else 0.0 for m in self.tracks])
-        wanted |= (wheels[self.grid.pairs].prod(axis=1) < 0.0) & np.isfinite(self.near.least)
-        wanted[[*self.near.contacts, *braked]] = True
+        wanted |= (wheels[pairs].prod(axis=1) < 0.0) & np.isfinite(near.least)
+        wanted[[*near.contacts, *braked]] = True
         for row in np.flatnonzero(wanted).tolist():
-            i, j = self.grid.pairs[row].tolist()
-            first, second = self.tracks[i], self.tracks[j]
-            ids = first.id, second.id
-            if row in self.near.contacts:
-                found += self._find_collision(row, first, second)
+            first, second = (self.tracks[k] for k in pairs[row])
+            if row in near.contacts:
+                found += self._find_collision(near.contacts[row], first, second)
             # Unasked, people on foot may pass closely.
-            elif first.is_vehicle or second.is_vehicle or {ids, ids[::-1]} & self.asked:
-                full = not detailed.isdisjoint(ids)
-                found += self._find_encounter_events(row, (i, j), braked.get(row, ()), full)
+            elif first.is_vehicle or second.is_vehicle or self._is_asked(first, second):
+                found += self._find_encounter_events(row, first, second, braked.get(row, ()))
         return found
 
-    def _find_collision(self, row: int, first: Trajectory, second: Trajectory) -> list[Event]:
-        contact = self.near.contacts[row]
-        if contact.initial:
-            return []
-        hit = measure_impact(first, second, time=contact.time)
-        if hit.relative_speed < IMPACT_SPEED:
+    def _find_collision(
+        self, contact: FirstContact, first: Trajectory, second: Trajectory
+    ) -> list[Event]:
+        time = contact.time
+        hit = None if contact.initial else measure_impact(first, second, time=time)
+        if hit is None or hit.relative_speed < IMPACT_SPEED:
             return []
         k = find_striker(first, second, hit)
-        order = (first, second) if k == 0 else (second, first)
-        cause = find_cause(first, second, time=contact.time, lights=self.lights)
+        cause, late = find_causes(first, second, time=time, lights=self.observed.lights)
         evidence = {
             "relative_speed": hit.relative_speed, "speed_from": hit.speeds[k],
             "speed_to": hit.speeds[1 - k], "angle": hit.angle,
             "side_from": hit.sides[k], "side_to": hit.sides[1 - k],
             "point_from": hit.points[k], "point_to": hit.points[1 - k],
-            "cause_agent": None, "late_brake": find_late_braker(first, second, time=contact.time),
+            "cause_agent": None, "late_brake": late,
         }  # fmt: skip
-        kind = classify_collision(first, second, hit, time=contact.time, left_hand=self._left_hand)
         return [_build_event(
-            "collision", order, time=contact.time, place=hit.place, evidence=evidence, kind=kind,
+            "collision", (first, second) if k == 0 else (second, first), time=time, place=hit.place,
+            evidence=evidence,
+            kind=classify_collision(first, second, hit, time=time, left_hand=self._left_hand),
             cause=cause,
         )]  # fmt: skip
 
     def _find_encounter_events(
-        self, row: int, pair: Pair, braked: Sequence[float], full: bool
+        self, row: int, first: Trajectory, second: Trajectory, braked: Sequence[float]
     ) -> list[Event]:
         """Yields and near misses of a pair that never touches, one per encounter."""
-        first, second = (self.tracks[k] for k in pair)
         found: list[Event] = []
         covered: list[tuple[float, float]] = []
-        for encounter in self.by_pair.get(pair, ()):
-            yielded = self._find_yield(row, encounter)
+        apart = self.observed.near.least[row] >= YIELD_CLEARANCE
+        for encounter in self._list_encounters(first, second):
+            yielded = self._find_yield(encounter) if apart else None
             if yielded is not None:
                 covered.append((yielded.begin, yielded.cleared))
             harsh = yielded is not None and (
@@ -322,34 +335,30 @@ class _EventSearch:
             times = encounter.first_time, encounter.second_time
             if yielded is not None and not harsh:
                 order = (first, second) if times[0] > times[1] else (second, first)
-                found.append(self._build_yield_event(order, yielded, full, encounter))
+                found.append(self._build_yield_event(order, yielded, encounter))
             elif harsh or encounter.pet <= NEAR_MISS_PET:
-                found += self._find_near_miss(pair, encounter, full, around=times)
-        if not found:
-            found += self._find_unfinished_yield(row, pair, full)
+                found += self._find_near_miss(first, second, around=times, encounter=encounter)
+        if not found and apart:
+            found += self._find_unfinished_yield(row, (first, second))
         close_calls = [t for t in braked if not any(a <= t <= b for a, b in covered)]
         if close_calls and not any(e.type == "near_miss" for e in found):
-            found += self._find_near_miss(pair, None, full, around=close_calls)
+            found += self._find_near_miss(first, second, around=close_calls)
         if not found:
             passed = find_close_overtaking(first, second, left_hand=self._left_hand)
             if passed is not None:
-                found += self._find_near_miss(pair, None, full, around=passed[:1])
+                found += self._find_near_miss(first, second, around=passed[:1])
         return found
 
-    @property
-    def _left_hand(self) -> bool:
-        return self.intersection_map is not None and self.intersection_map.left_hand_traffic
+    def _list_encounters(self, first: Trajectory, second: Trajectory) -> Sequence[Encounter]:
+        return self.observed.encounters_by_pair.get(frozenset((first.id, second.id)), ())
 
-    def _find_yield(self, row: int, encounter: Encounter) -> YieldEvent | None:
-        if encounter.pet > MAX_PET or self.near.least[row] < YIELD_CLEARANCE:
+    def _find_yield(self, encounter: Encounter) -> YieldEvent | None:
+        movers = (self.tracks[encounter.first], self.tracks[encounter.second])
+        times = (encounter.first_time, encounter.second_time)
+        other, giver = movers if times[1] > times[0] else movers[::-1]
+        if encounter.pet > MAX_PET or not _slows(giver, until=max(times)):
             return None
-        later = encounter.second_time > encounter.first_time
-        i, j = (encounter.second, encounter.first) if later else (encounter.first, encounter.second)
-        giver, other = self.tracks[i], self.tracks[j]
-        time = encounter.second_time if later else encounter.first_time
-        if not _slows(giver, until=max(encounter.first_time, encounter.second_time)):
-            return None
-        zone = find_nearest_zone(giver, other, giver.at(np.array([time]))[0][0])
+        zone = find_nearest_zone(giver, other, giver.at(np.array([max(times)]))[0][0])
         return None if zone is None else self._find_yield_at(zone, giver, other)
 
     def _find_yield_at(
@@ -359,11 +368,12 @@ class _EventSearch:
         if stay is None or passing is None:
             return None
         brink = float(np.interp(stay.enter, giver.times, giver.s)) + giver.nose
-        real = self.tracks[self._index[giver.id]]
+        real, grid = self.observed.by_id[giver.id], self.observed.grid
 
         def has_leader(time: float) -> bool:
-            reach = 3.0 * float(real.speed.max()) + 20.0 + real.nose + float(self.grid.reach.max())
-            near = self.grid.list_near(real.at(np.array([time]))[0], time, within=reach)
+            longest = float(grid.table.reach.max())
+            reach = 3.0 * float(real.speed.max()) + 20.0 + real.nose + longest
+            near = grid.list_near(real.at(np.array([time]))[0], time, within=reach)
             others = (m for m in near if m is not real and m.id != other.id)
             return any(is_leading(real, m, time=time, before=brink) for m in others)
 
@@ -377,35 +387,29 @@ class _EventSearch:
             )
 
         return find_yield(ZonePassage(
-            giver, stay, passing, red=partial(self.lights.is_held, real), leader=has_leader,
-            excused=lambda t: self._waits_for_another(real, other, t), real_end=real_end,
-            on_crosswalk=is_on_crosswalk, other_start=other.start if self.timely else None,
+            giver, stay, passing, red=partial(self.observed.lights.is_held, real),
+            leader=has_leader, excused=lambda t: self._waits_for_another(real, other, t),
+            real_end=real_end, on_crosswalk=is_on_crosswalk,
+            other_start=other.start if self.timely else None,
         ))  # fmt: skip
-
-    @cached_property
-    def _index(self) -> dict[int, int]:
-        """Position of every mover, by id."""
-        return {m.id: k for k, m in enumerate(self.tracks)}
 
     def _waits_for_another(self, giver: Trajectory, other: Trajectory, time: float) -> bool:
         """Whether the giver waits for yet another agent that a relation binds it to."""
         partners = {a if b == giver.id else b for a, b in self.asked if giver.id in (a, b)}
-        for each in self.encounters if partners else ():
-            times = {
-                self.tracks[each.first].id: each.first_time,
-                self.tracks[each.second].id: each.second_time,
-            }
-            theirs = [times[n] for n in times.keys() & (partners - {other.id})]
-            if giver.id in times and theirs and time - 4.0 <= theirs[0] < times[giver.id]:
-                return True
+        for partner in partners - {other.id}:
+            for each in self._list_encounters(giver, self.observed.by_id[partner]):
+                times = (each.first_time, each.second_time)
+                own, theirs = times if self.tracks[each.first] is giver else times[::-1]
+                if time - 4.0 <= theirs < own:
+                    return True
         return False
 
     @cached_property
     def _cut_off(self) -> list[bool]:
         """Of every mover, whether it slowed and the scene's end or a collision ends its track."""
         ended = [m.end >= self.until - CUT for m in self.tracks]
-        for row, contact in self.near.contacts.items():
-            for k in self.grid.pairs[row].tolist():
+        for row, contact in self.observed.near.contacts.items():
+            for k in self.observed.grid.table.pairs[row].tolist():
                 ended[k] |= contact.time >= self.tracks[k].end - CUT
         return [end and _slows(m, until=m.end) for end, m in zip(ended, self.tracks, strict=True)]
 
@@ -417,90 +421,62 @@ class _EventSearch:
         Cheap and necessary for a yield. And late enough: an agent standing at the end has not done
         so for more than 4 s since.
         """
-        table = np.array([
-            (*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type],
-             m.end - (RESUME_WITHIN + 1.0 if m.speed[-1] <= LIMITS[m.type].resumed else MAX_PET),
-             cut, m.is_vehicle, m.half_width + m.radius, m.half_length, *m.bounds)
+        onwards = [
+            ONWARDS[m.type] if cut else -1.0
             for m, cut in zip(self.tracks, self._cut_off, strict=True)
-        ]).reshape(-1, 13)  # fmt: skip
-        return _search_crossers_ahead(self.grid.table, table)
+        ]
+        since = [
+            m.end - (RESUME_WITHIN + 1.0 if m.speed[-1] <= LIMITS[m.type].resumed else MAX_PET)
+            for m in self.tracks
+        ]
+        return _search_crossers_ahead(self.observed.grid.table, np.array(onwards), np.array(since))
 
-    def _find_unfinished_yield(self, row: int, pair: Pair, full: bool) -> list[Event]:
+    def _find_unfinished_yield(
+        self, row: int, movers: tuple[Trajectory, Trajectory]
+    ) -> list[Event]:
         """A yield whose giver still waits when the scene, or a collision, ends its track."""
-        for side, (i, j) in enumerate((pair, pair[::-1])):
-            giver, other = self.grid.tracks[i], self.grid.tracks[j]
+        for side, (giver, other) in enumerate((movers, movers[::-1])):
             asked = (giver.id, other.id) in self.asked
+            cut_off = self._cut_off[self._index[giver.id]]
+            if not cut_off or not (asked or self._crossed[row, side]):
+                continue
             onwards = 25.0 if asked else ONWARDS[giver.type]
-            if not self._cut_off[i] or not (asked or self._crossed[row, side]):
-                continue
-            if self.near.least[row] < YIELD_CLEARANCE:
-                continue
-            further, held = self._drive_on(giver, onwards)
-            if held:
+            further = _drive_on(giver, onwards, self.observed.lights)
+            if further is None:
                 continue
             for zone in find_conflict_zones(further, other):
                 yielded = self._find_yield_at(zone, further, other, real_end=giver.end)
                 if yielded is not None and yielded.braking <= YIELD_BRAKING:
-                    return [self._build_yield_event((giver, other), yielded, full)]
+                    return [self._build_yield_event((giver, other), yielded)]
         return []
-
-    @cached_property
-    def _drive_on(self) -> Callable[[Trajectory, float], tuple[Trajectory, bool]]:
-        """A giver that goes straight on for so far [m], and whether a light held it until then."""
-
-        def drive_on(giver: Trajectory, onwards: float) -> tuple[Trajectory, bool]:
-            speed = 2.0 if giver.is_vehicle else 1.0
-            further = extend_straight(giver, distance=onwards, speed=speed)
-            red = partial(self.lights.is_held, giver)
-            return further, is_held_throughout(further, giver.end, red)
-
-        return cache(drive_on)
 
     def _build_yield_event(
         self,
         tracks: tuple[Trajectory, Trajectory],
         yielded: YieldEvent,
-        full: bool,
         encounter: Encounter | None = None,
     ) -> Event:
-        when = {} if encounter is None else {"pet": self._build_pet_moment(encounter)}
         evidence = {
             "pet": None, "approach_speed": yielded.approach,
             "lowest_speed": yielded.lowest, "begins_to_slow": yielded.begin,
             "braking": yielded.braking, "other_cleared": yielded.cleared, "entered": yielded.enter,
             "would_have_entered": yielded.arrival,
         }  # fmt: skip
-        when |= _measure_surrogates(*tracks, until=yielded.cleared) if full else {}
-        cause = find_red_run(tracks[1], tracks[0], time=yielded.cleared, lights=self.lights)
+        cleared, lights = yielded.cleared, self.observed.lights
         return _build_event(
-            "yielding", tracks, time=yielded.time, place=yielded.place, cause=cause,
-            evidence=evidence, when=when, worst=self._measure_worst(*tracks) if full else {},
+            "yielding", tracks, time=yielded.time, place=yielded.place, evidence=evidence,
+            cause=find_red_run(tracks[1], tracks[0], time=cleared, lights=lights),
+            **self._measure_moments(*tracks, encounter, until=cleared),
         )  # fmt: skip
-
-    def _build_pet_moment(self, encounter: Encounter) -> Moment:
-        return _build_moment(
-            self.tracks[encounter.first], self.tracks[encounter.second],
-            encounter.pet, encounter.first_time, encounter.second_time,
-        )  # fmt: skip
-
-    def _measure_worst(self, first: Trajectory, second: Trajectory) -> dict[str, Moment]:
-        """Each figure's worst value between two that a relation binds, over the whole scene."""
-        if not {(first.id, second.id), (second.id, first.id)} & self.asked:
-            return {}
-        i, j = sorted((self._index[first.id], self._index[second.id]))
-        encounters = self.by_pair.get((i, j), ())
-        found = {}
-        if encounters:
-            least = min(encounters, key=lambda each: each.pet)
-            found["pet"] = self._build_pet_moment(least)
-        if (closest := find_least_clearance(first, second)) is not None:
-            found["clearance"] = _build_moment(first, second, closest[1], closest[0])
-        return found | _measure_surrogates(first, second)
 
     def _find_near_miss(
-        self, pair: Pair, encounter: Encounter | None, full: bool, *, around: Sequence[float]
+        self,
+        first: Trajectory,
+        second: Trajectory,
+        *,
+        around: Sequence[float],
+        encounter: Encounter | None = None,
     ) -> list[Event]:
-        first, second = (self.tracks[k] for k in pair)
         # The closest approach around the encounter, else of all.
         begin, end = min(around), max(around)
         closest = find_least_clearance(first, second, within=(begin - 3.0, end + 3.0))
@@ -512,69 +488,87 @@ class _EventSearch:
         if closest is None:
             return []
         time, clearance = closest
-        cause = find_cause(first, second, time=time, lights=self.lights)
-        evidence = {
-            "pet": None,
-            "clearance": clearance,
-            "cause_agent": None,
-            "late_brake": find_late_braker(first, second, time=time),
-        }
-        when = {} if encounter is None else {"pet": self._build_pet_moment(encounter)}
-        when |= _measure_surrogates(first, second, until=max(*around, time)) if full else {}
-        place = find_contact_point(first, second, time=time)
+        cause, late = find_causes(first, second, time=time, lights=self.observed.lights)
         return [_build_event(
-            "near_miss", (first, second), time=time, place=place, evidence=evidence, cause=cause,
-            when=when, worst=self._measure_worst(first, second) if full else {},
+            "near_miss", (first, second), time=time,
+            place=find_contact_point(first, second, time=time),
+            evidence={"pet": None, "clearance": clearance, "cause_agent": None, "late_brake": late},
+            cause=cause,
+            **self._measure_moments(first, second, encounter, until=max(*around, time)),
         )]  # fmt: skip
+
+    def _measure_moments(
+        self, first: Trajectory, second: Trajectory, encounter: Encounter | None, *, until: float
+    ) -> dict[str, dict[str, Moment]]:
+        """`when` and `worst` of an event: the figures of its encounter and of the 6 s before a
+        time, and the worst of the whole scene between two that a relation binds."""
+        when = {} if encounter is None else {"pet": self._build_pet_moment(encounter)}
+        if self.detailed.isdisjoint((first.id, second.id)):
+            return {"when": when}
+        when |= _measure_surrogates(first, second, until=until)
+        if not self._is_asked(first, second):
+            return {"when": when}
+        worst = {}
+        if (least := self.observed.find_closest((first.id, second.id))) is not None:
+            worst["pet"] = self._build_pet_moment(least)
+        if (closest := find_least_clearance(first, second)) is not None:
+            worst["clearance"] = _build_moment(first, second, closest[1], closest[0])
+        return {"when": when, "worst": worst | _measure_surrogates(first, second)}
+
+    def _build_pet_moment(self, encounter: Encounter) -> Moment:
+        return _build_moment(
+            self.tracks[encounter.first], self.tracks[encounter.second],
+            encounter.pet, encounter.first_time, encounter.second_time,
+        )  # fmt: skip
 
     def _find_braked_pairs(self) -> dict[int, list[float]]:
         """By row of pairs: times of path TTC <= 1.5 s while one of the two brakes hard."""
         found: dict[int, list[float]] = {}
+        table, contacts = self.observed.grid.table, self.observed.near.contacts
         speed, acceleration = (
             np.concatenate([np.zeros(0), *(getattr(m, name) for m in self.tracks)])
             for name in ("speed", "acceleration")
         )
         hard = [m.is_vehicle and (m.acceleration < -NEAR_MISS_BRAKING).any() for m in self.tracks]
-        steps = _find_hard_braking(
-            self.grid.table, np.array(hard, dtype=np.bool_), speed, acceleration
-        )
-        for row in np.unique(steps[0]).tolist():
-            if row in self.near.contacts:
+        steps = _find_hard_braking(table, np.array(hard, dtype=np.bool_), speed, acceleration)
+        for row, samples in groupby(steps, key=itemgetter(0)):
+            if row in contacts:
                 continue
-            first, second = (self.tracks[n] for n in self.grid.pairs[row])
-            times = find_common_times(first, second)[steps[1][steps[0] == row]]
+            first, second = (self.tracks[n] for n in table.pairs[row])
+            times = find_common_times(first, second)[[k for _, k in samples]]
             ttc = compute_path_ttc(first, second, times=times, horizon=NEAR_MISS_TTC)
-            close = times[ttc <= NEAR_MISS_TTC]
-            if len(close):
+            if len(close := times[ttc <= NEAR_MISS_TTC]):
                 found[row] = close.tolist()
         return found
-
-    @property
-    def tracks(self) -> tuple[Trajectory, ...]:
-        return self.grid.tracks
 
 
 @compiled
 def _find_hard_braking(
     grid: GridTable, hard: BoolArray, speed: FloatArray, acceleration: FloatArray
-) -> tuple[IntArray, IntArray]:
+) -> list[tuple[int, int]]:
     """Rows and common samples at which one of two that come near brakes hard."""
-    row: IntArray = np.empty(64, np.intp)
-    step: IntArray = np.empty(64, np.intp)
-    count = 0
-    for n in range(len(grid.pairs)):
-        a, b = grid.pairs[n]
-        for k in range(grid.common[n, 1] if hard[a] or hard[b] else 0):
-            column = grid.common[n, 0] + k
+    found = [(0, 0) for _ in range(0)]
+    for row in range(len(grid.pairs)):
+        a, b = grid.pairs[row]
+        for k in range(grid.common[row, 1] if hard[a] or hard[b] else 0):
+            column = grid.common[row, 0] + k
             i, j = grid.shift[a] + column, grid.shift[b] + column
-            if min(acceleration[i], acceleration[j]) >= -NEAR_MISS_BRAKING:
-                continue
-            if compute_gap_at(grid, n, k) <= (speed[i] + speed[j]) * NEAR_MISS_TTC + 1.0:
-                if count == len(row):
-                    row, step = double_room(row), double_room(step)
-                row[count], step[count] = n, k
-                count += 1
-    return row[:count], step[:count]
+            if min(acceleration[i], acceleration[j]) < -NEAR_MISS_BRAKING:
+                most = (speed[i] + speed[j]) * NEAR_MISS_TTC + 1.0
+                if compute_gap_at(grid, row, k) <= most:
+                    found.append((row, k))
+    return found
+
+
+@lru_cache(maxsize=64)
+def _drive_on(giver: Trajectory, onwards: float, lights: SignalPlan) -> Trajectory | None:
+    """A giver that goes straight on for so far [m]; None if a light held it until its track ends.
+
+    Several pairs ask for the same ones; movers and lights are known by identity.
+    """
+    further = extend_straight(giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0)
+    held = is_held_throughout(further, giver.end, partial(lights.is_held, giver))
+    return None if held else further
 
 
 def _slows(giver: Trajectory, *, until: float) -> bool:
@@ -585,27 +579,32 @@ def _slows(giver: Trajectory, *, until: float) -> bool:
 
 
 @compiled
-def _search_crossers_ahead(grid: GridTable, table: FloatArray) -> BoolArray:
+def _search_crossers_ahead(grid: GridTable, onwards: FloatArray, since: FloatArray) -> BoolArray:
+    """What `_crossed` holds.
+
+    Args:
+        onwards: [N] how far each mover is thought to go straight on [m]; negative if not at all.
+        since: [N] from when on others count that cross its way [s].
+    """
+    length, width = grid.sizes[0], grid.sizes[1] + grid.sizes[2]
     found = np.zeros((len(grid.pairs), 2), np.bool_)
     for n in range(2 * len(grid.pairs)):
         row, side = n // 2, n % 2
         giver, other = grid.pairs[row, side], grid.pairs[row, 1 - side]
-        x, y, facing, onwards, since, cut = table[giver, :6]
-        alike = table[giver, 6] == table[other, 6]
-        west, south, east, north = table[other, 9:]
-        beside = onwards + table[giver, 7] + table[other, 7] + table[other, 8]
-        away = max(west - x, x - east, south - y, y - north)
-        if not cut or away > beside:
-            continue
-        for k in range(grid.origin[other], grid.origin[other + 1]):
-            if grid.times[k - grid.shift[other]] < since:
+        last = grid.origin[giver + 1] - 1
+        facing, ahead = grid.heading[last], onwards[giver]
+        alike = (grid.sizes[2, giver] > 0.0) == (grid.sizes[2, other] > 0.0)
+        for k in range(grid.origin[other], grid.origin[other + 1] if ahead >= 0.0 else 0):
+            if grid.times[k - grid.shift[other]] < since[giver]:
                 continue
-            east, north = grid.xy[k, 0] - x, grid.xy[k, 1] - y
+            east, north = grid.xy[k, 0] - grid.xy[last, 0], grid.xy[k, 1] - grid.xy[last, 1]
+            if np.hypot(east, north) > ahead + width[giver] + width[other] + length[other]:
+                continue
             turn = grid.heading[k] - facing
             along = np.cos(facing) * east + np.sin(facing) * north
             aside = abs(np.cos(facing) * north - np.sin(facing) * east)
-            room = table[giver, 7] + table[other, 7] + table[other, 8] * abs(np.sin(turn))
-            inside = 0 <= along <= onwards and aside <= room
+            room = width[giver] + width[other] + length[other] * abs(np.sin(turn))
+            inside = 0 <= along <= ahead and aside <= room
             if inside and (np.cos(turn) < np.cos(SHARED) or not alike):
                 found[row, side] = True
                 break
@@ -617,8 +616,8 @@ _ONE_WAY = np.radians(15.0)
 
 
 def _face_one_way(first: Trajectory, second: Trajectory, time: float) -> bool:
-    (one,), (two,) = first.at(np.array([time]))[1], second.at(np.array([time]))[1]
-    return bool(abs(np.angle(np.exp(1j * (one - two)))) < _ONE_WAY)
+    headings = (track.at(np.array([time]))[1] for track in (first, second))
+    return bool(compute_angle_between(*headings)[0] < _ONE_WAY)
 
 
 def _measure_surrogates(

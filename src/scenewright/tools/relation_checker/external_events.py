@@ -9,9 +9,9 @@ the events whose time lies in the span.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -164,17 +164,22 @@ def observe_recording(
     Raises:
         InputError: too many agents at once.
     """
-    whole = count_pair_samples(tracks.users) <= MOST_PAIR_SAMPLES
     begin = min((u.track.start for u in tracks.users), default=0.0)
     end = max((u.track.end for u in tracks.users), default=0.0)
-    look = partial(observe, intersection_map=intersection_map, signals=signals, near_only=True)
-    look_once = lru_cache(maxsize=1)(partial(look, until=None if whole else end))
-    spans = [(tracks.users, -math.inf, math.inf)] if whole and tracks.users else []
-    # Of a short recording, every window holds the same users.
-    for users, since, until in spans or _cut_windows(tracks.users, begin, end + 1.0):
-        seen, names = look_once(users), tracks.names
-        events = tuple(e for e in seen.events if names[e.from_] != names[e.to])
-        yield replace(seen, events=events), since, until
+    windows: Iterable[Window] = _cut_windows(tracks.users, begin, end + 1.0)
+    until: float | None = end
+    if tracks.users and count_pair_samples(tracks.users) <= MOST_PAIR_SAMPLES:
+        windows, until = [(tracks.users, -math.inf, math.inf)], None
+    latest, names = tuple[RoadUser, ...](), tracks.names
+    for users, since, before in windows:
+        if users != latest:  # of a short recording, every window holds the same
+            latest, seen = users, observe(
+                users, intersection_map=intersection_map, signals=signals, until=until,
+                near_only=True,
+            )  # fmt: skip
+            events = tuple(e for e in seen.events if names[e.from_] != names[e.to])
+            seen = replace(seen, events=events)
+        yield seen, since, before
 
 
 def find_off_map(tracks: ExternalTracks, intersection_map: IntersectionMap) -> tuple[Finding, ...]:
@@ -201,9 +206,11 @@ def _count_near_pair_samples(users: tuple[RoadUser, ...]) -> float:
     return float((np.maximum(together / STEP, 0.0) + 1.0).sum())
 
 
-def _cut_windows(
-    users: Sequence[RoadUser], begin: float, end: float
-) -> Iterator[tuple[tuple[RoadUser, ...], float, float]]:
+Window = tuple[tuple[RoadUser, ...], float, float]
+"""The users of a span of time, with its begin and end [s]."""
+
+
+def _cut_windows(users: Sequence[RoadUser], begin: float, end: float) -> Iterator[Window]:
     """The users of each window from begin to end [s], by halves until they fit."""
     present = _clip_tracks(users, begin - CONTEXT, end + CONTEXT)
     if len(present) < 2:

@@ -16,7 +16,11 @@ from scenewright.tools.relation_checker.contact import (
     find_common_times,
     find_least_clearance,
 )
-from scenewright.tools.relation_checker.footprints import IntArray, compute_angle_between
+from scenewright.tools.relation_checker.footprints import (
+    IntArray,
+    compute_angle_between,
+    compute_offsets,
+)
 from scenewright.tools.relation_checker.track_path import LaneTable, project_on_lane
 from scenewright.tools.relation_checker.trajectory import Trajectory, get_lane_table
 
@@ -61,31 +65,27 @@ class Following:
 
     Attributes:
         follower, leader: indices of movers; start, end [s].
-        least_gap [m]; least_headway [s], None if it never drove faster than 1 m/s;
-            gap_time, headway_time: when either is measured [s].
+        least: `least_gap` [m] and, unless it never drove faster than 1 m/s, `least_headway` [s],
+            with the time at which either is measured [s].
     """
 
     follower: int
     leader: int
     start: float
     end: float
-    least_gap: float
-    least_headway: float | None
-    gap_time: float
-    headway_time: float
+    least: dict[str, tuple[float, float]]
 
 
 def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
     """Leaders and gaps of all movers that have another ahead at some time."""
     if not len(grid.tracks):
         return ()
-    movers = np.array([(m.is_vehicle, m.width, m.nose) for m in grid.tracks])
-    driven = np.concatenate([m.s for m in grid.tracks])
-    ways = np.stack((np.cos(grid.heading), np.sin(grid.heading), grid.heading, driven))
-    least, leader = _measure_gaps(grid.table, movers, ways, get_lane_table(grid.tracks))
+    table, driven = grid.table, np.concatenate([m.s for m in grid.tracks])
+    ways = np.stack((np.cos(table.heading), np.sin(table.heading), table.heading, driven))
+    least, leader = _measure_gaps(table, ways, get_lane_table(grid.tracks))
     found = []
     for n, track in enumerate(grid.tracks):
-        own = slice(grid.origin[n], grid.origin[n + 1], STRIDE)
+        own = slice(table.origin[n], table.origin[n + 1], STRIDE)
         if (leader[own] >= 0).any():
             lane = LaneGaps(
                 n, track.times[::STRIDE], leader[own], least[own], track.speed[::STRIDE]
@@ -96,7 +96,7 @@ def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
 
 @compiled
 def _measure_gaps(
-    grid: GridTable, movers: FloatArray, ways: FloatArray, lanes: LaneTable
+    grid: GridTable, ways: FloatArray, lanes: LaneTable
 ) -> tuple[FloatArray, IntArray]:
     """By sample [S] the gap to the nearest ahead [m], inf where none, and whose it is, else -1.
 
@@ -104,7 +104,6 @@ def _measure_gaps(
     kind and at some time ahead, looked at every 0.4 s.
 
     Args:
-        movers: [N, 3] whether each is a vehicle, its width and nose [m].
         ways: [4, S] cosine and sine of the heading, heading [rad] and arc length [m].
     """
     least, leader = np.full(len(grid.xy), np.inf), np.full(len(grid.xy), -1)
@@ -112,9 +111,10 @@ def _measure_gaps(
     for row in range(len(grid.pairs)):
         for side in range(2):
             n, k = grid.pairs[row, side], grid.pairs[row, 1 - side]
-            if movers[n, 0] != movers[k, 0] or not _may_lead(grid, row, n, k, cos, sin):
+            alike = lanes.is_vehicle[n] == lanes.is_vehicle[k]
+            if not alike or not _may_lead(grid, row, n, k, cos, sin):
                 continue
-            beside, own, noses = (movers[n, 1] + movers[k, 1]) / 2, movers[n, 2], movers[k, 2]
+            beside, own, noses = (lanes.width[n] + lanes.width[k]) / 2, lanes.nose[n], lanes.nose[k]
             foot, lateral, way, before = 0.0, np.inf, 0.0, -1
             for i in range(grid.origin[n], grid.origin[n + 1], STRIDE):
                 j = i - grid.shift[n] + grid.shift[k]
@@ -170,13 +170,12 @@ def find_followings(lanes: tuple[LaneGaps, ...]) -> tuple[Following, ...]:
             if tag[begin] < 0 or (end - 1 - begin) * STRIDE * STEP < MIN_DURATION - 1e-6:
                 continue
             near = begin + int(lane.gap[begin:end].argmin())
+            least = {"least_gap": (float(lane.gap[near]), float(lane.times[near]))}
             close = begin + int(np.where(moving, headway, np.inf)[begin:end].argmin())
-            found.append(Following(
-                lane.follower, int(lane.leader[begin]),
-                float(lane.times[begin]), float(lane.times[end - 1]), float(lane.gap[near]),
-                float(headway[close]) if moving[close] else None,
-                float(lane.times[near]), float(lane.times[close]),
-            ))  # fmt: skip
+            if moving[close]:
+                least["least_headway"] = float(headway[close]), float(lane.times[close])
+            start, last = float(lane.times[begin]), float(lane.times[end - 1])
+            found.append(Following(lane.follower, int(lane.leader[begin]), start, last, least))
     return tuple(found)
 
 
@@ -208,10 +207,8 @@ def find_close_overtaking(
     if len(times) < 2:
         return None
     i, j = vehicle.find_indices(times), rider.find_indices(times)
-    away = vehicle.xy[i] - rider.xy[j]
-    cos, sin = np.cos(rider.heading[j]), np.sin(rider.heading[j])
-    along = away[:, 0] * cos + away[:, 1] * sin
-    aside = (away[:, 1] * cos - away[:, 0] * sin) * (-1.0 if left_hand else 1.0)
+    along, aside = compute_offsets(vehicle.xy[i], rider.xy[j], rider.heading[j])
+    aside = -aside if left_hand else aside
     passes = np.flatnonzero((along[:-1] < 0.0) & (along[1:] >= 0.0)) + 1
     for k in passes.tolist():
         alike = compute_angle_between(vehicle.heading[i[k : k + 1]], rider.heading[j[k : k + 1]])

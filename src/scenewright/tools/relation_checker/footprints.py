@@ -6,15 +6,12 @@ no extent. One formula then covers all pairs of classes.
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
-
 import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
-ArrayT = TypeVar("ArrayT", bound=np.ndarray[tuple[int, ...], np.dtype[Any]])
 BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
@@ -34,12 +31,27 @@ def compute_angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.abs(np.remainder(first - second + np.pi, 2 * np.pi) - np.pi)
 
 
+def compute_offsets(
+    xy: FloatArray, origin: FloatArray, heading: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """How far ahead of a place in the direction of its heading, and to the left, others lie [m].
+
+    Args:
+        xy: [..., 2] the others; origin: [..., 2] the place and heading: [...], one or for each.
+    """
+    east, north = np.moveaxis(xy - origin, -1, 0)
+    cos, sin = np.cos(heading), np.sin(heading)
+    return east * cos + north * sin, north * cos - east * sin
+
+
 # ---- as machine code: one pair of footprints at a time -------------------------------------------
 
 Box = tuple[float, float, float]
 """Half length, half width, radius [m]."""
 Pose = tuple[float, float, float, float]
 """x, y [m], cosine and sine of the heading."""
+Sample = tuple[float, float, float]
+"""x, y [m] and heading [rad]."""
 
 
 @compiled
@@ -70,18 +82,24 @@ def compute_gaps(
 
 
 @compiled
-def double_room(values: ArrayT) -> ArrayT:
-    """What was found, with room for as much again."""
-    more = np.empty(2 * len(values), values.dtype)
-    for k in range(len(values)):
-        more[k] = values[k]
-    return more  # type: ignore[return-value]
-
-
-@compiled
 def make_pose(x: float, y: float, heading: float) -> Pose:
     """A place from a position [m] and a heading [rad]."""
     return x, y, np.cos(heading), np.sin(heading)
+
+
+@compiled
+def get_step(xy: FloatArray, heading: FloatArray, k: int) -> tuple[Sample, Sample]:
+    """A sample of positions [T, 2] and headings [T], and the next one."""
+    return (xy[k, 0], xy[k, 1], heading[k]), (xy[k + 1, 0], xy[k + 1, 1], heading[k + 1])
+
+
+@compiled
+def interpolate_pose(part: float, step: tuple[Sample, Sample]) -> Pose:
+    """The place a part of the way from one sample to the next."""
+    (x, y, heading), (then_x, then_y, turned) = step
+    return make_pose(
+        x + part * (then_x - x), y + part * (then_y - y), heading + part * (turned - heading)
+    )
 
 
 @compiled

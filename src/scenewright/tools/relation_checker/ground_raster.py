@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from scenewright.scene.base import AgentClass, Compass, FloatArray
 from scenewright.scene.map import Crosswalk, IntersectionMap, PolygonWithHoles
+from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.planar import Area, geos
 
 CELL = 1.0
+LANE_SPACING = 1.0
+"""Distance of the points along the middle of a lane [m]."""
 KERB = 0.1
 """Walkable areas and crosswalks are widened by this [m], to close the seams between them."""
 
 Bounds = tuple[float, float, float, float]
-BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+LanePoints = tuple[FloatArray, FloatArray, tuple[str, ...]]
+"""Middles of a map's lanes on legs: points [P, 2] [m], headings [P] [rad] and legs [P]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +71,7 @@ class GroundRaster:
         crosswalks: each on its own, in the order of the map.
         routes: class, entry, exit, movement and crosswalk by id of the route.
         goals: class, leg and bounds (west, south, east, north [m]) of every goal region.
+        lanes: the middles of the lanes on legs, by their kind, approach or exit.
     """
 
     road: RasterizedArea
@@ -76,6 +80,7 @@ class GroundRaster:
     crosswalks: tuple[CrosswalkArea, ...]
     routes: Mapping[str, tuple[str | None, ...]]
     goals: tuple[tuple[AgentClass, Compass, Bounds], ...]
+    lanes: Mapping[str, LanePoints]
 
 
 def rasterize_area(area: Area) -> RasterizedArea:
@@ -117,8 +122,9 @@ def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
         (g.type, g.leg, geos.Polygon(g.polygon).bounds) for g in intersection_map.goal_regions
     )
     anywhere = rasterize_area(road.union(walkable))
+    lanes = {kind: _list_lane_points(intersection_map, kind) for kind in ("approach", "exit")}
     ground = GroundRaster(
-        rasterize_area(road), rasterize_area(walkable), anywhere, walks, routes, goals
+        rasterize_area(road), rasterize_area(walkable), anywhere, walks, routes, goals, lanes
     )
     _prepared[:] = [(intersection_map, ground), *_prepared[:3]]
     return ground
@@ -131,5 +137,22 @@ def _build_crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
     return CrosswalkArea(crosswalk, area, area.bounds, way / max(float(np.hypot(*way)), 1e-9))
 
 
-def _build_polygon(area: PolygonWithHoles) -> Any:
+def _build_polygon(area: PolygonWithHoles) -> Area:
     return geos.Polygon(area.exterior, area.holes)
+
+
+def _list_lane_points(intersection_map: IntersectionMap, kind: str) -> LanePoints:
+    parts, legs = [np.zeros((0, 3))], list[str]()
+    for lane in intersection_map.lanelets:
+        if lane.kind == kind and lane.leg is not None:
+            line = np.array(lane.centreline)
+            step = np.diff(line, axis=0)
+            s = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
+            at = np.linspace(0.0, s[-1], max(2, round(float(s[-1]) / LANE_SPACING) + 1))
+            piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(step) - 1)
+            course = np.arctan2(step[:, 1], step[:, 0])[piece]
+            x, y = (np.interp(at, s, line[:, axis]) for axis in (0, 1))
+            parts.append(np.stack([x, y, course], axis=1))
+            legs += [lane.leg] * len(at)
+    points = np.concatenate(parts)
+    return points[:, :2], points[:, 2], tuple(legs)

@@ -25,7 +25,7 @@ from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.plausibility import EDGE, SIZE
-from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.trajectory import Trajectory, find_runs
 from scenewright.tools.relation_checker.yielding import STANDING
 
 LABEL_TIME = 0.3
@@ -384,18 +384,9 @@ def _check_segments(agent: AgentRecord, track: Trajectory, collided: bool) -> It
         first = int(track.times.searchsorted(segment.start - 1e-6))
         speed = track.speed[first : track.times.searchsorted(segment.end + 1e-6, side="right")]
         if segment.status in ("keep", "proceed"):
-            stood = 0.1 * _count_longest_stand(speed)
+            stands = find_runs(speed <= STANDING) if speed.min(initial=np.inf) <= STANDING else ()
+            stood = max((0.1 * float(end - begin) for begin, end in stands), default=0.0)
             if stood > LONGEST_STAND:
                 yield f"it stands for {stood:.1f} s of the segment {segment.status}"
         if segment.status == "stop" and len(speed) > 10 and speed.min() > slow:
             yield f"it never goes below {speed.min():.1f} m/s in a segment 'stop'"
-
-
-@compiled
-def _count_longest_stand(speed: FloatArray) -> int:
-    """Samples of the longest stretch in which it stands."""
-    longest = run = 0
-    for each in speed:
-        run = run + 1 if each <= STANDING else 0
-        longest = max(longest, run)
-    return longest

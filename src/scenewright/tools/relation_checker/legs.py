@@ -16,6 +16,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import TieRecord
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 ALONG = np.deg2rad(40.0)
@@ -28,10 +29,6 @@ WELL_OUT = 8.0
 _SEEN_AS = {"lateral": ("left", "right"), "other": ("left", "right", "opposite")}
 
 _ROUND = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
-
-
-LanePoints = tuple[FloatArray, FloatArray, tuple[str, ...]]
-"""Middles of a map's lanes on legs: points [P, 2] [m], headings [P] [rad] and legs [P]."""
 
 
 @compiled
@@ -58,14 +55,13 @@ def find_exit_leg(track: Trajectory, intersection_map: IntersectionMap) -> str |
     return _find_leg(track, intersection_map, "exit")
 
 
-_Kind = Literal["approach", "exit"]
-
-
-def _find_leg(track: Trajectory, intersection_map: IntersectionMap, kind: _Kind) -> str | None:
+def _find_leg(
+    track: Trajectory, intersection_map: IntersectionMap, kind: Literal["approach", "exit"]
+) -> str | None:
     """The leg of the lane at that end of a track; beside the lanes that with its direction."""
     k, turn, sign, least = (0, np.pi, -1.0, 0.0) if kind == "approach" else (-1, 0.0, 1.0, WELL_OUT)
     heading = float(track.heading[k])
-    points, headings, legs = _get_lane_points(intersection_map, kind)
+    points, headings, legs = get_ground_raster(intersection_map).lanes[kind]
     beside, away = _find_nearest_alike(points, headings, track.xy[k], heading)
     if away <= BESIDE:
         return legs[beside]
@@ -109,35 +105,3 @@ def check_ties(
             f"the {other or 'middle'}: {seen} observed, {tie.side} asked for",
         ))  # fmt: skip
     return tuple(found)
-
-
-_known: list[tuple[IntersectionMap, dict[_Kind, LanePoints]]] = []
-
-
-def _get_lane_points(intersection_map: IntersectionMap, kind: _Kind) -> LanePoints:
-    """The lanes of a map; the last four maps are remembered by identity."""
-    for known, lanes in _known:
-        if known is intersection_map:
-            return lanes[kind]
-    found: dict[_Kind, LanePoints] = {}
-    for each in _KINDS:
-        parts, legs = [np.zeros((0, 3))], list[str]()
-        for lane in intersection_map.lanelets:
-            if lane.kind == each and lane.leg is not None:
-                line = np.array(lane.centreline)
-                step = np.diff(line, axis=0)
-                s = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
-                at = np.linspace(0.0, s[-1], max(2, round(float(s[-1]) / _SPACING) + 1))
-                piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(step) - 1)
-                course = np.arctan2(step[:, 1], step[:, 0])[piece]
-                x, y = (np.interp(at, s, line[:, axis]) for axis in (0, 1))
-                parts.append(np.stack([x, y, course], axis=1))
-                legs += [lane.leg] * len(at)
-        points = np.concatenate(parts)
-        found[each] = points[:, :2], points[:, 2], tuple(legs)
-    _known[:] = [(intersection_map, found), *_known[:3]]
-    return found[kind]
-
-
-_KINDS: tuple[_Kind, ...] = ("approach", "exit")
-_SPACING = 1.0

@@ -12,8 +12,14 @@ from scenewright.compiled import compiled_to_write
 from scenewright.scene.base import FloatArray
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.footprints import BoolArray, make_pose, meets_box
-from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.contact import find_common_times
+from scenewright.tools.relation_checker.footprints import (
+    BoolArray,
+    compute_corners,
+    make_pose,
+    meets_box,
+)
+from scenewright.tools.relation_checker.trajectory import Trajectory, find_first_lasting
 
 EYE_BEHIND_FRONT = 0.4
 """How far behind its front a vehicle's driver sits, as a share of its length."""
@@ -54,23 +60,19 @@ def find_first_visible(
         vehicles: what blocks the view where it is, but for the two themselves.
         until: the event [s].
     """
-    begin = max(observer.start, subject.start)
-    end = min(observer.end, subject.end, until)
-    steps = int((end - begin) / STEP + 1e-6)
-    if steps < 0:
+    times = find_common_times(observer, subject)
+    times = times[times <= until + 1e-7]
+    if not len(times):
         return None
-    times = np.asarray(begin + STEP * np.arange(steps + 1), dtype=np.float64)
     free = ~find_blocked_views(
         observer, subject, times, objects=objects, vehicles=vehicles, left_hand=left_hand
     )
-    need = round(STAYS_FREE / STEP)
-    starts = [k for k in range(len(free) - need) if free[k : k + need + 1].all()]
-    if not starts:
+    first = find_first_lasting(free, least=STAYS_FREE)
+    if first is None:
         return None
-    blocked = 0
-    while blocked < starts[0] and not free[starts[0] - blocked - 1]:
-        blocked += 1
-    return Sighting(float(times[starts[0]]), round(STEP * blocked, 3))
+    before = np.flatnonzero(free[:first])
+    blocked = first - int(before[-1]) - 1 if len(before) else first
+    return Sighting(float(times[first]), round(STEP * blocked, 3))
 
 
 def find_blocked_views(
@@ -149,8 +151,5 @@ def locate_marks(subject: Trajectory, times: FloatArray) -> FloatArray:
         rim = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)]) * subject.radius
         corners = xy[:, None, :] + rim
     else:
-        along = np.stack((np.cos(heading), np.sin(heading)), axis=1) * subject.half_length
-        across = np.stack((-np.sin(heading), np.cos(heading)), axis=1) * subject.half_width
-        ways = (along + across, along - across, -along - across, across - along)
-        corners = np.stack([xy + way for way in ways], axis=1)
+        corners = compute_corners(xy, heading, length=subject.length, width=subject.width)
     return np.concatenate((xy[:, None, :], corners), axis=1)

@@ -8,7 +8,8 @@ import numpy as np
 
 from scenewright.scene.events import Finding
 from scenewright.tools.relation_checker.events import SceneObservation
-from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.footprints import compute_offsets
+from scenewright.tools.relation_checker.trajectory import Trajectory, find_runs
 from scenewright.tools.relation_checker.yielding import STANDING
 
 MOST_ON_GREEN = 4.0
@@ -66,14 +67,12 @@ def _is_blocked(track: Trajectory, first: float, last: float, tracks: Sequence[T
     """Whether another agent is before one that stands, at any time of a span [s]."""
     k = int(np.searchsorted(track.times, first))
     ahead, aside = _AHEAD["vehicle" if track.is_vehicle else "pedestrian"]
-    cos, sin = np.cos(track.heading[k]), np.sin(track.heading[k])
     for other in tracks:
         there = (other.times >= first) & (other.times <= last)
         if other.id == track.id or not there.any():
             continue
-        east, north = (other.xy[there] - track.xy[k]).T
-        along, beside = east * cos + north * sin, np.abs(north * cos - east * sin)
-        if np.any((along > 0.0) & (along < ahead + track.nose) & (beside < aside)):
+        along, beside = compute_offsets(other.xy[there], track.xy[k], track.heading[k])
+        if np.any((along > 0.0) & (along < ahead + track.nose) & (np.abs(beside) < aside)):
             return True
     return False
 
@@ -84,10 +83,8 @@ LEAST_STAND = 0.5
 
 def find_standstills(track: Trajectory) -> list[tuple[float, float]]:
     """From when to when an agent stands [s], in order."""
-    slow = np.concatenate(([False], track.speed <= STANDING, [False]))
-    edges = np.flatnonzero(slow[1:] != slow[:-1])
     spans = [
         (float(track.times[begin]), float(track.times[end - 1]))
-        for begin, end in edges.reshape(-1, 2)
+        for begin, end in find_runs(track.speed <= STANDING)
     ]
     return [each for each in spans if each[1] - each[0] >= LEAST_STAND - 1e-6]

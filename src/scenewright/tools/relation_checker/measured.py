@@ -14,6 +14,7 @@ from scenewright.scene.measures import UNITS
 from scenewright.scene.record import MeasureRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.footprints import compute_offsets
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.liveness import find_standstills
 from scenewright.tools.relation_checker.planar import geos
@@ -182,10 +183,7 @@ def measure_impact_share(
     if not track.is_vehicle:
         return ()
     xy, heading = track.at(np.array([event.time]))
-    forward = np.array([np.cos(heading[0]), np.sin(heading[0])])
-    left = np.array([-forward[1], forward[0]])
-    offset = np.array(event.location) - xy[0]
-    along, across = float(offset @ forward), float(offset @ left)
+    along, across = map(float, compute_offsets(np.array(event.location), xy[0], heading[0]))
     at_front = along >= track.half_length - FRONT
     if kind == "side_point":
         share = (track.half_length - along) / track.length
@@ -193,7 +191,8 @@ def measure_impact_share(
     from_left = float(np.clip((track.half_width - across) / track.width, 0.0, 1.0))
     if kind == "front_point":
         before, after = other.at(np.array([event.time - 0.3, event.time]))[0]
-        kind = "front_point_left" if float((after - before) @ left) < 0.0 else "front_point_right"
+        to_right = compute_offsets(after, before, heading[0])[1] < 0.0
+        kind = "front_point_left" if to_right else "front_point_right"
     share = from_left if kind == "front_point_left" else 1.0 - from_left
     return (100.0 * share,) if at_front else ()
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -15,8 +14,10 @@ from scenewright.scene.kinds import Kind, get_kind, load_function
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord
 from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.footprints import compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.liveness import find_standstills
+from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.signals import SignalPlan
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
@@ -134,8 +135,6 @@ def describe_return(seen: SeenMotion) -> str | None:
     return f"agent {track.id} turns back at {time:.1f} s, {away[turn]:.1f} m from the kerb"
 
 
-geos: Any = import_module("shapely")
-
 SINCE = 0.3
 """A light that has been yellow for less [s] turns as the vehicle passes: no choice was left."""
 COMES = 2.0
@@ -179,7 +178,7 @@ def describe_wrong_way(seen: SeenMotion) -> str | None:
         ways = np.arctan2(*np.diff(middle, axis=0).T[::-1])
         away = track.xy[:, None] - (middle[:-1] + middle[1:]) / 2
         nearest = np.hypot(away[..., 0], away[..., 1]).argmin(axis=1)
-        turn = np.abs(np.angle(np.exp(1j * (track.heading - ways[nearest]))))
+        turn = compute_angle_between(track.heading, ways[nearest])
         contrary = inside & (turn >= AGAINST) & (track.speed > STANDING)
         against |= contrary
         along |= inside & (turn < AGAINST)
@@ -202,10 +201,10 @@ def describe_yellow_stop(seen: SeenMotion) -> str | None:
     stands = int(moving[-1]) + 1 if len(moving) else 0
     if not 0 < stands < len(track):
         return None
-    light = lights.find_light_ahead(track, within=BEFORE_LINE)
+    light, away = lights.find_light_after(track, track.end)
     change = np.diff(track.speed[: stands + 1]) / np.diff(track.times[: stands + 1])
     hard = np.flatnonzero(change <= -BRAKES)
-    if light is None or not len(hard):
+    if light is None or away > BEFORE_LINE or not len(hard):
         return None
     time = float(track.times[int(hard[0])])
     came = lights.get_colour(light, time=max(time - COMES, track.start))

@@ -20,10 +20,16 @@ from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import get_figure
 from scenewright.tools.relation_checker.certificate import WRECK_ENDS_WITHIN, check_wreck_clearance
 from scenewright.tools.relation_checker.events import SceneObservation
-from scenewright.tools.relation_checker.footprints import BoolArray, Box, compute_gaps
+from scenewright.tools.relation_checker.footprints import (
+    BoolArray,
+    Box,
+    compute_corners,
+    compute_gaps,
+    compute_offsets,
+)
 from scenewright.tools.relation_checker.line_of_sight import Sighting, find_first_visible
-from scenewright.tools.relation_checker.planar import geos
-from scenewright.tools.relation_checker.trajectory import FARTHEST, Trajectory
+from scenewright.tools.relation_checker.planar import Area, geos
+from scenewright.tools.relation_checker.trajectory import FARTHEST, Trajectory, find_runs
 from scenewright.tools.relation_checker.yielding import STANDING
 
 CONTACT = 1e-3
@@ -165,13 +171,9 @@ def _is_outermost(each: ObjectRecord, intersection_map: IntersectionMap) -> bool
     )
 
 
-def _make_outline(each: ObjectRecord) -> Any:
-    cos, sin = math.cos(each.heading), math.sin(each.heading)
-    length, width = each.length / 2, each.width / 2
-    return geos.Polygon([
-        (each.x + a * length * cos - b * width * sin, each.y + a * length * sin + b * width * cos)
-        for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    ])  # fmt: skip
+def _make_outline(each: ObjectRecord) -> Area:
+    place = np.array([(each.x, each.y)]), np.array([each.heading])
+    return geos.Polygon(compute_corners(*place, length=each.length, width=each.width)[0])
 
 
 def _report_place(each: ObjectRecord, what: str) -> Finding:
@@ -344,7 +346,9 @@ def check_encounters(
             continue
         figures.append({"agent": each.agent, "object": each.object, "how": each.how, **found})
         if has_trait("encounter", each.how, "ends"):
-            findings += check_wreck_clearance(track, observed.grid, {track.id}, scene.meta.duration)
+            findings += check_wreck_clearance(
+                track, observed.tracks, {track.id}, scene.meta.duration
+            )
     return figures, tuple(findings)
 
 
@@ -376,16 +380,17 @@ def measure_passing(
     Args:
         least: least speed at which it drives at it [m/s].
     """
-    along, aside = _locate(track, thing)
+    place, facing = np.array((thing.x, thing.y)), np.array(thing.heading)
+    along, aside = compute_offsets(track.xy, place, facing)
     half = (track.length + thing.length) / 2
     beside = np.flatnonzero((np.abs(along) < half) & (np.abs(aside) < 6.0))
     if not len(beside) or along[0] > -half or along[-1] < half:
         return "it does not come from behind it and drive on ahead of it"
-    heading = _heads_for(track, thing, moving=least > 0.0)[: beside[0]]
-    lasting = np.convolve(heading, np.ones(HEADS_FOR))[HEADS_FOR - 1 :] > HEADS_FOR - 0.5
-    if not lasting.any():
+    runs = find_runs(_heads_for(track, thing, moving=least > 0.0)[: beside[0]])
+    lasting = runs[runs[:, 1] - runs[:, 0] >= HEADS_FOR]
+    if not len(lasting):
         return "it never drives straight at it, so it is not in its way"
-    heads = int(np.flatnonzero(lasting)[-1]) + HEADS_FOR - 1
+    heads = int(lasting[-1, 1]) - 1
     gaps = measure_gaps(track.xy, track.heading, track.box, thing)
     k = int(gaps.argmin())
     moved = float(np.abs(aside[beside] - aside[heads]).max())
@@ -484,19 +489,9 @@ def measure_dooring(track: Trajectory, thing: ObjectRecord, until: float) -> Mea
     return {**hit, "opened": round(opened, 3)}
 
 
-def _locate(track: Trajectory, thing: ObjectRecord) -> tuple[FloatArray, FloatArray]:
-    """[N] how far ahead of the middle of the object, and to its left, the track is [m]."""
-    cos, sin = math.cos(thing.heading), math.sin(thing.heading)
-    x, y = (track.xy - (thing.x, thing.y)).T
-    return np.asarray(cos * x + sin * y), np.asarray(cos * y - sin * x)
-
-
 def _heads_for(track: Trajectory, thing: ObjectRecord, *, moving: bool = True) -> BoolArray:
     """[N] whether the way straight ahead, as wide as the agent, meets the object."""
-    cos, sin = np.cos(track.heading), np.sin(track.heading)
-    away = (thing.x, thing.y) - track.xy
-    ahead = cos * away[:, 0] + sin * away[:, 1]
-    aside = cos * away[:, 1] - sin * away[:, 0]
+    ahead, aside = compute_offsets(np.array((thing.x, thing.y)), track.xy, track.heading)
     turn = thing.heading - track.heading
     # Half of the width of the object as seen along the way.
     half = (thing.length * np.abs(np.sin(turn)) + thing.width * np.abs(np.cos(turn))) / 2

@@ -230,7 +230,7 @@ def check_ground(
     return tuple(found)
 
 
-def find_extremes(tracks: tuple[Trajectory, ...]) -> dict[str, Any]:
+def find_extremes(tracks: Sequence[Trajectory]) -> dict[str, Any]:
     """Largest speeds and accelerations per class, for the report."""
     result: dict[str, Any] = {}
     for name in ("vehicle", "pedestrian", "cyclist", "scooter"):

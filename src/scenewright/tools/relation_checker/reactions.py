@@ -21,11 +21,18 @@ from scenewright.scene.record import SceneRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import estimate_velocity_before, find_common_times
 from scenewright.tools.relation_checker.events import NEAR_MISS_PET
-from scenewright.tools.relation_checker.footprints import BoolArray, Box, compute_gap, make_pose
+from scenewright.tools.relation_checker.footprints import (
+    BoolArray,
+    Box,
+    compute_angle_between,
+    compute_gap,
+    compute_offsets,
+    make_pose,
+)
 from scenewright.tools.relation_checker.line_of_sight import find_blocked_views
 from scenewright.tools.relation_checker.pushes import list_pushed
 from scenewright.tools.relation_checker.surrogates import compute_path_ttc
-from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.trajectory import Trajectory, find_first_lasting
 from scenewright.tools.relation_checker.yielding import compute_free_speed_profile
 
 NEAR = 3.0
@@ -106,10 +113,10 @@ class Perception:
 
     def find_begin(self, threat: BoolArray) -> tuple[int | None, str]:
         """The first sample from which a threat [T] can be seen, or why it cannot."""
-        begin = find_first_lasting(threat & self.seen & self.ahead)
-        if begin is not None or find_first_lasting(threat & self.seen) is not None:
+        begin = find_first_lasting(threat & self.seen & self.ahead, least=LASTS)
+        if begin is not None or find_first_lasting(threat & self.seen, least=LASTS) is not None:
             return begin, "comes from behind"
-        hidden = find_first_lasting(threat) is not None
+        hidden = find_first_lasting(threat, least=LASTS) is not None
         return None, "no line of sight" if hidden else "too late"
 
 
@@ -140,8 +147,7 @@ class Sights:
         near = np.asarray(compute_path_ttc(agent, other, times=times, horizon=NEAR) < NEAR)
         (xy, heading), (place, _) = agent.at(times), other.at(times)
         away = place - xy
-        bearing = np.arctan2(away[:, 1], away[:, 0]) - heading
-        behind = np.abs(np.angle(np.exp(1j * bearing))) > BEHIND
+        behind = compute_angle_between(np.arctan2(away[:, 1], away[:, 0]), heading) > BEHIND
         # Pedestrians look all around.
         return Perception(agent, times, near, ~blocked, ~(behind & agent.is_vehicle))
 
@@ -171,17 +177,6 @@ def _measure(view: Perception, event: Event) -> dict[str, Any]:
     elif lasts < LATEST and times[begin] + lasts < event.time - 2 * STEP:
         why_not = "over before it could react"
     return known | {"why_not": why_not}
-
-
-def find_first_lasting(holds: BoolArray) -> int | None:
-    """First sample from which something holds for 0.3 s; None if it never does."""
-    need = round(LASTS / STEP) + 1
-    run = 0
-    for k, each in enumerate(holds.tolist()):
-        run = run + 1 if each else 0
-        if run == need:
-            return k - need + 1
-    return None
 
 
 def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, Any] | None:
@@ -233,8 +228,7 @@ def _find_change(
 
 def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any] | None:
     """To a side of a straight way and back along it, as a curve shows nothing."""
-    ahead = np.array((np.cos(agent.heading[first]), np.sin(agent.heading[first])))
-    aside = np.abs((agent.xy[window] - agent.xy[first]) @ np.array((-ahead[1], ahead[0])))
+    aside = np.abs(compute_offsets(agent.xy[window], agent.xy[first], agent.heading[first])[1])
     turned = np.abs(agent.heading[window] - agent.heading[first])
     pushed = agent.lateral_acceleration[window] > ASIDE_ACCELERATION
     goes_on = turned.max(initial=0.0) < TURNS or not len(turned) or turned[-1] > TURNS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -17,12 +17,11 @@ from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap, SignalProgram
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
+from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import (
     Trajectory,
-    concatenate_samples,
     extend_straight,
 )
 
@@ -74,38 +73,36 @@ class SignalPlan:
     def find_crossings(self, track: Trajectory) -> tuple[LightCrossing, ...]:
         """Every signalised line or crosswalk that the mover meets, in order of time."""
         if track not in self._met:
-            self.find_all_crossings((track,))
-        return self._met[track]
-
-    def find_all_crossings(self, tracks: Sequence[Trajectory]) -> None:
-        """Finds the crossings of many movers in one pass, far cheaper than one by one."""
-        found: dict[Trajectory, list[tuple[float, str]]] = {track: [] for track in tracks}
-        if self._map is not None and self._spans:
-            # When the middle of a vehicle's front bumper passes a line, towards the junction.
-            drivers = [m for m in tracks if m.is_vehicle]
-            xy, heading, origin = concatenate_samples(drivers)
-            half = np.repeat([m.half_length for m in drivers], np.diff(origin))
-            front = np.stack((xy[:, 0] + half * np.cos(heading), xy[:, 1] + half * np.sin(heading)))
-            names, *lines = self._lines
-            for line, m, i, part in _find_passages(front, origin, *lines) if drivers else ():
-                time = float(drivers[m].times[i]) + STEP * part
-                found[drivers[m]].append((time, names[line]))
-            walkers = [m for m in tracks if m.is_rider or not m.is_vehicle]
-            # Pedestrians and riders that enter a crosswalk and go at least 2 m across. Who begins
-            # inside steps into it then: on red it cannot be known to have come on green.
-            for walk in get_ground_raster(self._map).crosswalks if walkers else ():
-                low_x, low_y, high_x, high_y = walk.bounds
-                for track in walkers if walk.crosswalk.id in self._spans else ():
-                    west, south, east, north = track.bounds
-                    if west <= high_x and south <= high_y and east >= low_x and north >= low_y:
-                        inside = geos.contains_xy(walk.area, track.xy[:, 0], track.xy[:, 1])
-                        entries = track.times[_find_entries(inside, track.xy, walk.across)]
-                        found[track] += [(float(time), walk.crosswalk.id) for time in entries]
-        for track, met in found.items():
+            found = [*self._list_passages(track), *self._list_entries(track)]
             self._met[track] = tuple(
                 LightCrossing(time, name, self.get_colour(name, time=time))
-                for time, name in sorted(met)
+                for time, name in sorted(found)
             )
+        return self._met[track]
+
+    def _list_passages(self, track: Trajectory) -> Iterator[tuple[float, str]]:
+        """When the middle of a vehicle's front bumper passes a line, towards the junction."""
+        names, *lines = self._lines
+        if track.is_vehicle and names:
+            for line, k, part in _find_passages(track.xy, track.heading, track.half_length, *lines):
+                yield float(track.times[k]) + STEP * part, names[line]
+
+    def _list_entries(self, track: Trajectory) -> Iterator[tuple[float, str]]:
+        """When a pedestrian or rider enters a crosswalk in which it goes at least 2 m across.
+
+        Who begins inside steps into it then: on red it cannot be known to have come on green.
+        """
+        drives = track.is_vehicle and not track.is_rider
+        if self._map is None or not self._spans or drives:
+            return
+        west, south, east, north = track.bounds
+        for walk in get_ground_raster(self._map).crosswalks:
+            low_x, low_y, high_x, high_y = walk.bounds
+            near = west <= high_x and south <= high_y and east >= low_x and north >= low_y
+            if near and walk.crosswalk.id in self._spans:
+                inside = geos.contains_xy(walk.area, track.xy[:, 0], track.xy[:, 1])
+                for k in _find_entries(inside, track.xy, walk.across):
+                    yield float(track.times[k]), walk.crosswalk.id
 
     @cached_property
     def _lines(
@@ -132,13 +129,6 @@ class SignalPlan:
             if c.colour == "red"
             and self.get_colour(c.light, time=c.time - RED_TOLERANCE) in ("red", None)
         )
-
-    def find_light_ahead(self, track: Trajectory, *, within: float) -> str | None:
-        """The light of the line up to so far ahead of where a mover ends [m]; None without one."""
-        if self._map is None or not self._spans:
-            return None
-        crossings = self.find_crossings(extend_straight(track, distance=within, speed=1.0))
-        return next((c.light for c in crossings if c.time > track.end), None)
 
     def is_any_line_green(self, *, time: float) -> bool:
         """Whether the light of any stop line is green at a time [s]."""
@@ -181,46 +171,49 @@ class SignalPlan:
 
 @compiled
 def _find_passages(
-    front: FloatArray,
-    origin: IntArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    nose: float,
     start: FloatArray,
     along: FloatArray,
     length: FloatArray,
     left: FloatArray,
     outward: FloatArray,
-) -> list[tuple[int, int, int, float]]:
-    """Line, mover, its sample before and the part of the step at which it passes.
+) -> list[tuple[int, int, float]]:
+    """Line, sample before and the part of the step at which the front of a mover passes.
 
     Args:
-        front: [2, S] middles of the front bumpers [m]; origin: where each mover's begin.
+        nose: how far the front is from the centre [m].
         start: [L, 2] one end of each line [m]; along: [L, 2] unit vector to the other end.
         length: [L] [m]; left: [L] 1 where the other half of the road, as wide as the line is long,
             lies past the end, -1 before the start, 0 if unknown.
         outward: [L] bearing of each leg [rad], NaN if the map lacks the leg.
     """
-    found = [(0, 0, 0, 0.0) for _ in range(0)]
+    front = np.empty(xy.shape)
+    for k in range(len(xy)):
+        front[k, 0] = xy[k, 0] + nose * np.cos(heading[k])
+        front[k, 1] = xy[k, 1] + nose * np.sin(heading[k])
+    found = [(0, 0, 0.0) for _ in range(0)]
     for line in range(len(start)):
-        reach = length[line] + 0.5
-        for m in range(len(origin) - 1):
-            after = 0.0
-            for k in range(origin[m], origin[m + 1]):
-                east, north = front[0, k] - start[line, 0], front[1, k] - start[line, 1]
-                before, after = after, along[line, 0] * north - along[line, 1] * east
-                if k == origin[m] or not before * after <= 0 or before == after:
-                    continue
-                east, north = front[0, k - 1] - start[line, 0], front[1, k - 1] - start[line, 1]
-                place = along[line, 0] * east + along[line, 1] * north
-                own = -0.5 < place < reach
-                low = -reach if left[line] < 0 else -0.5
-                high = length[line] + (reach if left[line] > 0 else 0.5)
-                if not low < place < high:
-                    continue
-                # More than a share of the step leads to the junction; without a bearing, any does.
-                dx, dy = front[0, k] - front[0, k - 1], front[1, k] - front[1, k - 1]
-                inwards = -(dx * np.cos(outward[line]) + dy * np.sin(outward[line]))
-                least = 0.0 if own else WRONG_WAY
-                if np.isnan(outward[line]) or inwards > least * np.hypot(dx, dy):
-                    found.append((line, m, k - 1 - origin[m], before / (before - after)))
+        reach, after = length[line] + 0.5, 0.0
+        for k in range(len(front)):
+            east, north = front[k, 0] - start[line, 0], front[k, 1] - start[line, 1]
+            before, after = after, along[line, 0] * north - along[line, 1] * east
+            if k == 0 or not before * after <= 0 or before == after:
+                continue
+            east, north = front[k - 1, 0] - start[line, 0], front[k - 1, 1] - start[line, 1]
+            place = along[line, 0] * east + along[line, 1] * north
+            own = -0.5 < place < reach
+            low = -reach if left[line] < 0 else -0.5
+            high = length[line] + (reach if left[line] > 0 else 0.5)
+            if not low < place < high:
+                continue
+            # More than a share of the step leads to the junction; without a bearing, any does.
+            dx, dy = front[k, 0] - front[k - 1, 0], front[k, 1] - front[k - 1, 1]
+            inwards = -(dx * np.cos(outward[line]) + dy * np.sin(outward[line]))
+            least = 0.0 if own else WRONG_WAY
+            if np.isnan(outward[line]) or inwards > least * np.hypot(dx, dy):
+                found.append((line, k - 1, before / (before - after)))
     return found
 
 

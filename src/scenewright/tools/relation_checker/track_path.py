@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scenewright.compiled import compiled, compiled_to_write
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
+from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
 
 SPACING = 0.5
 """Distance of path points [m]."""
@@ -21,10 +20,10 @@ WIDEST, STRETCH = 3 * SPACING, 8
 together."""
 SHORTEST = 0.05
 """Shorter tracks have no direction of their own [m]."""
+DISTINCT = 1e-4
+"""Samples no further than this after another [m] are the same point."""
 LANE_BEFORE, LANE_AFTER = 30, 50
 """Points by which a lane goes on straight before and after a path: 15 and 25 m."""
-
-IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,120 +39,49 @@ class TrackPath:
     xy: FloatArray
     direction: FloatArray
 
-    def extend(self, *, before: float, after: float) -> TrackPath:
-        """The path with straight pieces at both ends [m]."""
-        back, forth = (SPACING * np.arange(1, int(d / SPACING) + 1) for d in (before, after))
-        ends = self.direction[[0, -1]]
-        (tail, front), way = self.xy[[0, -1]], np.stack((np.cos(ends), np.sin(ends)), axis=1)
-        tail, front = tail - back[::-1, None] * way[0], front + forth[:, None] * way[1]
+    def extend(self, distance: float) -> TrackPath:
+        """The path with a straight piece at its end [m]."""
+        ahead, way = SPACING * np.arange(1, int(distance / SPACING) + 1), self.direction[-1]
+        front = self.xy[-1] + ahead[:, None] * np.array((np.cos(way), np.sin(way)))
         return TrackPath(
-            np.concatenate((self.s[0] - back[::-1], self.s, self.s[-1] + forth)),
-            np.concatenate((tail, self.xy, front)),
-            np.concatenate(
-                (ends[:1].repeat(len(back)), self.direction, ends[1:].repeat(len(forth)))
-            ),
+            np.append(self.s, self.s[-1] + ahead),
+            np.concatenate((self.xy, front)),
+            np.append(self.direction, np.full(len(ahead), way)),
         )
 
 
-def build_paths(
-    xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray
-) -> list[TrackPath]:
-    """The paths of many tracks in one pass; one point where a track is shorter than 0.05 m.
+def build_path(xy: FloatArray, s: FloatArray, heading: FloatArray) -> TrackPath:
+    """The path of a track; one point where the track is shorter than 0.05 m.
 
     Args:
-        xy: [S, 2] positions [m], track after track; s: [S] arc length since the first position of
-            the track; heading: [S]; origin: [N+1] where each track begins, the last entry being S.
+        xy: [T, 2] positions [m]; s: [T] arc length since the first one; heading: [T] [rad].
     """
-    even, points, direction, begin = _resample_evenly(xy, s, heading, origin)
-    return [
-        TrackPath(even[i:j], points[i:j], unwrap_angles(direction[i:j]))
-        for i, j in pairwise(begin.tolist())
-    ]
+    even, points, direction = _resample_evenly(xy, s, heading)
+    return TrackPath(even, points, unwrap_angles(direction))
 
 
 @compiled
 def _resample_evenly(
-    xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    """Arc lengths [m], points [m] and directions [rad] of all paths, and where each begins."""
-    begin = np.zeros(len(origin), np.intp)
-    for n in range(len(origin) - 1):
-        total = s[origin[n + 1] - 1]
-        count = 1 if total < SHORTEST else max(int(total / SPACING), 1) + 1
-        begin[n + 1] = begin[n] + count
-    even, points = np.zeros(begin[-1]), np.empty((begin[-1], 2))
-    direction = np.empty(begin[-1])
-    for n in range(len(origin) - 1):
-        i, j, last = begin[n], begin[n + 1], begin[n + 1] - 1
-        total, first = s[origin[n + 1] - 1], origin[n]
-        if i == last:
-            points[i, 0], points[i, 1], direction[i] = xy[first, 0], xy[first, 1], heading[first]
-            continue
-        for k in range(i, last):
-            even[k] = (k - i) * (total / (last - i))
-        even[last] = total
-        _interpolate(even[i:j], xy[first : origin[n + 1]], s[first : origin[n + 1]], points[i:j])
-        for k in range(i, j):
-            before, after = max(k - 1, i), min(k + 1, last)
-            dx, dy = points[after, 0] - points[before, 0], points[after, 1] - points[before, 1]
-            direction[k] = np.arctan2(dy, dx)
-    return even, points, direction, begin
-
-
-@compiled_to_write
-def _interpolate(even: FloatArray, xy: FloatArray, s: FloatArray, points: FloatArray) -> None:
-    """Writes points at ascending arc lengths, linear between samples that differ."""
-    here = there = 0
-    for n in range(len(even)):
-        while there < len(s) and s[there] <= even[n]:
-            here = there
-            there = _find_next_distinct(s, there)
-        after = there if there < len(s) else here
-        apart = max(s[after] - s[here], 1e-9)
-        for axis in range(2):
-            slope = (xy[after, axis] - xy[here, axis]) / apart
-            points[n, axis] = slope * (even[n] - s[here]) + xy[here, axis]
-
-
-@compiled
-def _find_next_distinct(s: FloatArray, k: int) -> int:
-    """The next sample more than 0.1 mm after the one before it; as many as there are if none."""
-    k += 1
-    while k < len(s) and not s[k] - s[k - 1] > 1e-4:
-        k += 1
-    return k
-
-
-def build_lanes(paths: Sequence[TrackPath]) -> list[TrackPath]:
-    """Every path at every second point, with straight pieces before and after it, in one pass."""
-    begin = np.cumsum([0, *(len(path.s) for path in paths)])
-    s, xy, direction, ends = _prolong(
-        np.concatenate([path.s for path in paths]),
-        np.concatenate([path.xy for path in paths]),
-        np.concatenate([path.direction for path in paths]),
-        begin,
-    )
-    return [TrackPath(s[i:j], xy[i:j], direction[i:j]) for i, j in pairwise(ends.tolist())]
-
-
-@compiled
-def _prolong(
-    s: FloatArray, xy: FloatArray, direction: FloatArray, begin: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    ends = np.zeros(len(begin), np.intp)
-    for n in range(len(begin) - 1):
-        count = begin[n + 1] - begin[n]
-        ends[n + 1] = ends[n] + (count + LANE_BEFORE + LANE_AFTER + 1) // 2
-    along, points, facing = np.empty(ends[-1]), np.empty((ends[-1], 2)), np.empty(ends[-1])
-    for n in range(len(begin) - 1):
-        for row in range(ends[n], ends[n + 1]):
-            k = begin[n] + 2 * (row - ends[n]) - LANE_BEFORE
-            at = min(max(k, begin[n]), begin[n + 1] - 1)
-            beyond = SPACING * (k - at)
-            along[row], facing[row] = s[at] + beyond, direction[at]
-            points[row, 0] = xy[at, 0] + beyond * np.cos(direction[at])
-            points[row, 1] = xy[at, 1] + beyond * np.sin(direction[at])
-    return along, points, facing, ends
+    xy: FloatArray, s: FloatArray, heading: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Arc lengths [m], points [m] and directions [rad] of a path."""
+    last = 0 if s[-1] < SHORTEST else max(int(s[-1] / SPACING), 1)
+    even, points, direction = np.zeros(last + 1), np.empty((last + 1, 2)), np.empty(last + 1)
+    if last == 0:
+        points[0, 0], points[0, 1], direction[0] = xy[0, 0], xy[0, 1], heading[0]
+        return even, points, direction
+    for k in range(last):
+        even[k] = k * (s[-1] / last)
+    even[last] = s[-1]
+    distinct = np.ones(len(s), np.bool_)
+    distinct[1:] = s[1:] - s[:-1] > DISTINCT
+    for axis in range(2):
+        points[:, axis] = np.interp(even, s[distinct], xy[:, axis][distinct])
+    for k in range(last + 1):
+        before, after = max(k - 1, 0), min(k + 1, last)
+        dx, dy = points[after, 0] - points[before, 0], points[after, 1] - points[before, 1]
+        direction[k] = np.arctan2(dy, dx)
+    return even, points, direction
 
 
 def unwrap_angles(angles: FloatArray) -> FloatArray:
@@ -226,32 +154,50 @@ def _project_point(
 
 
 class LaneTable(NamedTuple):
-    """Lanes of N movers side by side, padded to one length.
+    """Lanes of N movers, one after another: every second point of a path, and straight on.
 
     Attributes:
-        x, y: [N, P] points [m], inf past the end of a lane; s, direction: [N, P], see `TrackPath`.
-        size: [N] points of each; low, high: [2, N] corners of the boxes round the lanes [m].
+        x, y: [P] points [m]; s, direction: [P], see `TrackPath`.
+        begin: [N+1] where each lane begins, the last entry being P.
+        low, high: [N, 2] corners of the boxes round the lanes [m].
+        is_vehicle, width, nose: [N] of the movers, see `Trajectory`.
     """
 
     x: FloatArray
     y: FloatArray
     s: FloatArray
     direction: FloatArray
-    size: IntArray
+    begin: IntArray
     low: FloatArray
     high: FloatArray
+    is_vehicle: BoolArray
+    width: FloatArray
+    nose: FloatArray
 
 
-def build_lane_table(lanes: Sequence[TrackPath]) -> LaneTable:
-    """Lanes in one table, for many projections at once."""
-    sizes = np.array([len(lane.s) for lane in lanes])
-    xy = np.full((2, len(lanes), sizes.max()), np.inf)
-    s, direction = np.zeros((2, len(lanes), sizes.max()))
-    for n, lane in enumerate(lanes):
-        xy[:, n, : sizes[n]] = lane.xy.T
-        s[n, : sizes[n]], direction[n, : sizes[n]] = lane.s, lane.direction
-    high = np.where(np.isinf(xy), -np.inf, xy).max(axis=2)
-    return LaneTable(xy[0], xy[1], s, direction, sizes, xy.min(axis=2), high)
+@compiled
+def prolong_paths(
+    s: FloatArray, xy: FloatArray, direction: FloatArray, origin: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
+    """What `LaneTable` holds from `x` to `high`, of paths one after another."""
+    begin = np.zeros(len(origin), np.intp)
+    for n in range(len(origin) - 1):
+        count = origin[n + 1] - origin[n]
+        begin[n + 1] = begin[n] + (count + LANE_BEFORE + LANE_AFTER + 1) // 2
+    x, y = np.empty(begin[-1]), np.empty(begin[-1])
+    along, facing = np.empty(begin[-1]), np.empty(begin[-1])
+    low, high = np.full((len(origin) - 1, 2), np.inf), np.full((len(origin) - 1, 2), -np.inf)
+    for n in range(len(origin) - 1):
+        for row in range(begin[n], begin[n + 1]):
+            k = origin[n] + 2 * (row - begin[n]) - LANE_BEFORE
+            at = min(max(k, origin[n]), origin[n + 1] - 1)
+            beyond = SPACING * (k - at)
+            along[row], facing[row] = s[at] + beyond, direction[at]
+            x[row] = xy[at, 0] + beyond * np.cos(direction[at])
+            y[row] = xy[at, 1] + beyond * np.sin(direction[at])
+            low[n, 0], low[n, 1] = min(low[n, 0], x[row]), min(low[n, 1], y[row])
+            high[n, 0], high[n, 1] = max(high[n, 0], x[row]), max(high[n, 1], y[row])
+    return x, y, along, facing, begin, low, high
 
 
 @compiled
@@ -262,13 +208,12 @@ def project_on_lane(
 
     Where the box of the lane excludes that it is within a distance [m], lateral inf, the rest 0.
     """
-    beside = max(lanes.low[0, lane] - px, px - lanes.high[0, lane])
-    beyond = max(lanes.low[1, lane] - py, py - lanes.high[1, lane])
+    beside = max(lanes.low[lane, 0] - px, px - lanes.high[lane, 0])
+    beyond = max(lanes.low[lane, 1] - py, py - lanes.high[lane, 1])
     if max(beside, beyond) >= within + FOOT:
         return 0.0, np.inf, 0.0
-    return _project_point(
-        px, py, lanes.x[lane], lanes.y[lane], lanes.s[lane], lanes.direction[lane]
-    )
+    i, j = lanes.begin[lane], lanes.begin[lane + 1]
+    return _project_point(px, py, lanes.x[i:j], lanes.y[i:j], lanes.s[i:j], lanes.direction[i:j])
 
 
 def sample_path(path: TrackPath, s: FloatArray) -> tuple[FloatArray, FloatArray]:

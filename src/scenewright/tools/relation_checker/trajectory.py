@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import numpy as np
 
@@ -21,13 +20,12 @@ from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Shape, Track
+from scenewright.tools.relation_checker.footprints import BoolArray, IntArray
 from scenewright.tools.relation_checker.track_path import (
-    IntArray,
     LaneTable,
     TrackPath,
-    build_lane_table,
-    build_lanes,
-    build_paths,
+    build_path,
+    prolong_paths,
     unwrap_angles,
 )
 
@@ -58,17 +56,6 @@ class RoadUser:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionDerivatives:
-    """What follows from a track's positions alone; see `Trajectory` for shapes and units."""
-
-    steps: FloatArray
-    velocity: FloatArray
-    speed: FloatArray
-    acceleration: FloatArray
-    lateral_acceleration: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Trajectory:
     """A road user on the 0.1 s grid, with its kinematics.
 
@@ -81,8 +68,12 @@ class Trajectory:
         reach: radius of the circle round the footprint [m].
         start: time of the first sample [s], a multiple of 0.1 but for the offset of the grid.
         xy: [T, 2] positions [m]; heading: [T], unwrapped [rad].
+        steps: [T-1] distance between successive samples [m].
         s: [T] arc length driven since the first sample [m].
-        kinematics, path, lane: see `derive_all`, which fills them in for many movers in one pass.
+        velocity: [T, 2] by central differences [m/s]; speed: [T] its length.
+        acceleration: [T] rate of change of speed [m/s^2], negative when braking.
+        lateral_acceleration: [T] across the direction of motion, v^2 times curvature, >= 0.
+        bounds: west, south, east and north end of the positions [m].
     """
 
     id: int
@@ -99,17 +90,24 @@ class Trajectory:
     radius: float = field(init=False)
     nose: float = field(init=False)
     reach: float = field(init=False)
+    steps: FloatArray = field(init=False)
+    s: FloatArray = field(init=False)
+    velocity: FloatArray = field(init=False)
+    speed: FloatArray = field(init=False)
+    acceleration: FloatArray = field(init=False)
+    lateral_acceleration: FloatArray = field(init=False)
+    bounds: tuple[float, float, float, float] = field(init=False)
 
     def __post_init__(self) -> None:
         drives = self.type != "pedestrian"
         length, width = (self.length / 2, self.width / 2) if drives else (0.0, 0.0)
         radius = 0.0 if drives else self.width / 2
-        for name, value in (
-            ("is_vehicle", drives), ("is_rider", self.type in ("cyclist", "scooter")),
-            ("half_length", length), ("half_width", width),
-            ("radius", radius), ("nose", length + radius),
-            ("reach", float(np.hypot(length, width)) + radius),
-        ):  # fmt: skip
+        xy, heading = (np.ascontiguousarray(each, np.float64) for each in (self.xy, self.heading))
+        values = (
+            xy, heading, drives, self.type in ("cyclist", "scooter"), length, width, radius,
+            length + radius, float(np.hypot(length, width)) + radius, *_derive_motion(xy),
+        )  # fmt: skip
+        for name, value in zip(("xy", "heading", *_DERIVED), values, strict=True):
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -131,56 +129,9 @@ class Trajectory:
         return self.start + STEP * (len(self.xy) - 1)
 
     @cached_property
-    def bounds(self) -> list[float]:
-        """West, south, east and north end of the positions [m]."""
-        return [*self.xy.min(axis=0).tolist(), *self.xy.max(axis=0).tolist()]
-
-    @cached_property
-    def kinematics(self) -> MotionDerivatives:
-        """Steps, velocity, speed and acceleration."""
-        return _compute_derivatives(self.xy, np.array((0, len(self.xy))))[0]
-
-    @property
-    def steps(self) -> FloatArray:
-        """[T-1] distance between successive samples [m]."""
-        return self.kinematics.steps
-
-    @cached_property
-    def s(self) -> FloatArray:
-        """[T] arc length since the first sample [m]."""
-        result = np.zeros(len(self.xy))
-        np.cumsum(self.steps, out=result[1:])
-        return result
-
-    @property
-    def velocity(self) -> FloatArray:
-        """[T, 2] velocity by central differences [m/s]."""
-        return self.kinematics.velocity
-
-    @property
-    def speed(self) -> FloatArray:
-        """[T] length of the velocity [m/s]."""
-        return self.kinematics.speed
-
-    @property
-    def acceleration(self) -> FloatArray:
-        """[T] rate of change of speed [m/s^2], negative when braking."""
-        return self.kinematics.acceleration
-
-    @property
-    def lateral_acceleration(self) -> FloatArray:
-        """[T] acceleration across the direction of motion, v^2 times curvature [m/s^2], >= 0."""
-        return self.kinematics.lateral_acceleration
-
-    @cached_property
     def path(self) -> TrackPath:
         """The curve of the whole track."""
-        return build_paths(self.xy, self.s, self.heading, np.array((0, len(self.xy))))[0]
-
-    @cached_property
-    def lane(self) -> TrackPath:
-        """The path every metre, with 15 m straight before and 25 m after it."""
-        return build_lanes((self.path,))[0]
+        return build_path(self.xy, self.s, self.heading)
 
     def index(self, time: float) -> int:
         """The sample nearest to a time, within the track."""
@@ -197,6 +148,9 @@ class Trajectory:
         return xy.reshape(*times.shape, 2), heading.reshape(times.shape)
 
 
+_DERIVED = tuple(each.name for each in fields(Trajectory) if not each.init)
+
+
 @compiled
 def interpolate_samples(
     times: FloatArray, start: float, xy: FloatArray, heading: FloatArray
@@ -211,6 +165,19 @@ def interpolate_samples(
         there[n, 1] = xy[low, 1] + part * (xy[high, 1] - xy[low, 1])
         turned[n] = heading[low] + part * (heading[high] - heading[low])
     return there, turned
+
+
+def find_runs(holds: BoolArray) -> IntArray:
+    """[R, 2] the first sample of every stretch in which something holds, and the first after it."""
+    edges = np.flatnonzero(np.diff(holds, prepend=False, append=False))
+    return np.asarray(edges.reshape(-1, 2))
+
+
+def find_first_lasting(holds: BoolArray, *, least: float) -> int | None:
+    """First sample from which something holds for a time [s]; None if it never does."""
+    runs = find_runs(holds)
+    lasting = runs[runs[:, 1] - runs[:, 0] > round(least / STEP)]
+    return int(lasting[0, 0]) if len(lasting) else None
 
 
 def concatenate_samples(tracks: Sequence[Trajectory]) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -233,85 +200,47 @@ def _concatenate_samples(tracks: tuple[Trajectory, ...]) -> tuple[FloatArray, Fl
 @lru_cache(maxsize=1)
 def get_lane_table(tracks: tuple[Trajectory, ...]) -> LaneTable:
     """The lanes of all movers, for many projections at once; movers are known by identity."""
-    return build_lane_table([m.lane for m in tracks])
+    paths = [m.path for m in tracks]
+    s, xy, direction = (
+        np.concatenate([getattr(path, name) for path in paths]) for name in ("s", "xy", "direction")
+    )
+    origin = np.cumsum([0, *(len(path.s) for path in paths)])
+    movers = (np.array([getattr(m, name) for m in tracks]) for name in LaneTable._fields[-3:])
+    return LaneTable(*prolong_paths(s, xy, direction, origin), *movers)
 
 
-def derive_all(tracks: Sequence[Trajectory]) -> None:
-    """Gives all movers kinematics, path and lane in one pass, far cheaper than one by one.
-
-    Raises:
-        InputError: the tracks are longer than `LONGEST`.
-    """
-    if not tracks:
-        return
-    xy, heading, origin = concatenate_samples(tracks)
-    s, bounds = _compute_arc_lengths(xy, origin)
-    lengths = s[origin[1:] - 1]
-    if lengths.sum() > LONGEST:
-        worst = int(lengths.argmax())
-        raise InputError(
-            f"agent {tracks[worst].id}: its track is {lengths[worst] / 1000:.4g} km long; tracks "
-            f"may be {LONGEST / 1000:g} km together, and positions are metres"
-        )
-    paths = build_paths(xy, s, heading, origin)
-    ends = pairwise(origin.tolist())
-    kinematics, boxes, ways = _compute_derivatives(xy, origin), bounds.tolist(), build_lanes(paths)
-    for track, (a, b), *derived in zip(tracks, ends, kinematics, boxes, paths, ways, strict=True):
-        for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
-            object.__setattr__(track, name, value)
-
-
-_DERIVED = ("s", "kinematics", "bounds", "path", "lane")
+Bounds = tuple[float, float, float, float]
 
 
 @compiled
-def _compute_arc_lengths(xy: FloatArray, origin: IntArray) -> tuple[FloatArray, FloatArray]:
-    """[S] arc length since each track's first sample [m], and [N, 4] `Trajectory.bounds`."""
-    s, bounds = np.zeros(len(xy)), np.empty((len(origin) - 1, 4))
-    for track in range(len(origin) - 1):
-        a, b = origin[track], origin[track + 1]
-        for k in range(a + 1, b):
-            s[k] = s[k - 1] + np.hypot(xy[k, 0] - xy[k - 1, 0], xy[k, 1] - xy[k - 1, 1])
-        for axis in range(2):
-            low = high = xy[a, axis]
-            for k in range(a + 1, b):
-                low, high = min(low, xy[k, axis]), max(high, xy[k, axis])
-            bounds[track, axis], bounds[track, axis + 2] = low, high
-    return s, bounds
-
-
-def _compute_derivatives(xy: FloatArray, origin: IntArray) -> list[MotionDerivatives]:
-    steps, velocity, speed, acceleration, lateral = _differentiate_tracks(xy, origin)
-    return [
-        MotionDerivatives(
-            steps[a : b - 1], velocity[a:b], speed[a:b], acceleration[a:b], lateral[a:b]
-        )
-        for a, b in pairwise(origin.tolist())
-    ]
-
-
-@compiled
-def _differentiate_tracks(
-    xy: FloatArray, origin: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Steps, velocity, speed, acceleration and lateral acceleration of tracks in one string."""
-    steps, speed, lateral = np.zeros(len(xy)), np.empty(len(xy)), np.empty(len(xy))
-    velocity, acceleration = np.empty(xy.shape), np.empty(len(xy))
-    for track in range(len(origin) - 1):
-        a, b = origin[track], origin[track + 1]
-        for k in range(a, b):
-            velocity[k, 0] = _differentiate(xy[a:b, 0], k - a)
-            velocity[k, 1] = _differentiate(xy[a:b, 1], k - a)
-            speed[k] = np.hypot(velocity[k, 0], velocity[k, 1])
-            if k < b - 1:
-                steps[k] = np.hypot(xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1])
-        for k in range(a, b):
-            acceleration[k] = _differentiate_smoothly(speed[a:b], k - a)
-            push_x = _differentiate_smoothly(velocity[a:b, 0], k - a)
-            push_y = _differentiate_smoothly(velocity[a:b, 1], k - a)
-            across = velocity[k, 0] * push_y - velocity[k, 1] * push_x
-            lateral[k] = abs(across) / max(speed[k], 0.1)
-    return steps, velocity, speed, acceleration, lateral
+def _derive_motion(
+    xy: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, Bounds]:
+    """What `Trajectory` derives from positions, from `steps` to `bounds`."""
+    count = len(xy)
+    steps, s, speed, velocity = (
+        np.empty(count - 1),
+        np.zeros(count),
+        np.empty(count),
+        np.empty(xy.shape),
+    )
+    acceleration, lateral = np.empty(count), np.empty(count)
+    low_x, low_y, high_x, high_y = xy[0, 0], xy[0, 1], xy[0, 0], xy[0, 1]
+    for k in range(count):
+        velocity[k, 0], velocity[k, 1] = _differentiate(xy[:, 0], k), _differentiate(xy[:, 1], k)
+        speed[k] = np.hypot(velocity[k, 0], velocity[k, 1])
+        if k > 0:
+            steps[k - 1] = np.hypot(xy[k, 0] - xy[k - 1, 0], xy[k, 1] - xy[k - 1, 1])
+            s[k] = s[k - 1] + steps[k - 1]
+        low_x, high_x = min(low_x, xy[k, 0]), max(high_x, xy[k, 0])
+        low_y, high_y = min(low_y, xy[k, 1]), max(high_y, xy[k, 1])
+    for k in range(count):
+        acceleration[k] = _differentiate_smoothly(speed, k)
+        push_x = _differentiate_smoothly(velocity[:, 0], k)
+        push_y = _differentiate_smoothly(velocity[:, 1], k)
+        across = velocity[k, 0] * push_y - velocity[k, 1] * push_x
+        lateral[k] = abs(across) / max(speed[k], 0.1)
+    return steps, s, velocity, speed, acceleration, lateral, (low_x, low_y, high_x, high_y)
 
 
 @compiled
@@ -413,5 +342,10 @@ def build_trajectories(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Tr
     found = Counter(round(start % STEP, 4) % STEP for start in even)
     offset = max(found, key=lambda each: (found[each], -each), default=0.0)
     tracks = tuple(build_trajectory(user, offset=offset) for user in users)
-    derive_all(tracks)
+    longest = max(tracks, key=lambda track: float(track.s[-1]), default=None)
+    if longest is not None and sum(float(track.s[-1]) for track in tracks) > LONGEST:
+        raise InputError(
+            f"agent {longest.id}: its track is {longest.s[-1] / 1000:.4g} km long; tracks may be "
+            f"{LONGEST / 1000:g} km together, and positions are metres"
+        )
     return tracks

@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.compiled import compiled
 from scenewright.errors import InputError
-from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.map import IntersectionMap
@@ -69,7 +67,7 @@ from scenewright.tools.relation_checker.reactions import (
     find_reactions,
 )
 from scenewright.tools.relation_checker.signals import check_signal_plan
-from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
+from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Trajectory
 
 PET_TOLERANCE = 0.15
 TTC_TOLERANCE = 0.3
@@ -150,6 +148,7 @@ def _build_proof(
     encounters, unmet = check_encounters(scene, observed)
     rules = scene.meta.rules is not None
     pushed = list_pushed(scene.relations)
+    driven = cut_pushed(observed.tracks, observed.events, pushed)
     views = Sights(scene.objects, observed.tracks, left_hand)
     reacts = rules or any(agent.reaction for agent in scene.agents)
     reactions = find_reactions(scene, matching, views) if reacts else []
@@ -186,7 +185,7 @@ def _build_proof(
     motion = (
         *check_form(scene),
         *check_places(scene.objects, intersection_map),
-        *_check_motion(scene, observed, intersection_map, roles, matching),
+        *_check_motion(scene, observed, intersection_map, roles, matching, driven),
     )
 
     figures = {
@@ -199,7 +198,7 @@ def _build_proof(
         events=events,
         incidental=tuple(observed.events[k] for k in incidental),
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
-        figures=_collect_figures(scene, observed, intersection_map, roles.foreground)
+        figures=_collect_figures(scene, observed, intersection_map, roles.foreground, driven)
         | {name: rows for name, rows in figures.items() if rows},
     )  # fmt: skip
 
@@ -230,7 +229,7 @@ def _read_user(agent: AgentRecord, step: float) -> RoadUser:
         raise InputError(
             f"agent {agent.id} has {len(xy)} positions but {len(heading)} headings; give one each"
         )
-    furthest = _find_largest(xy.ravel(), heading)
+    furthest = float(np.abs(np.append(xy, heading)).max())
     if not math.isfinite(furthest):
         raise InputError(f"agent {agent.id}: trajectory or heading holds NaN or infinity")
     if not math.isfinite(agent.spawn_time):
@@ -246,16 +245,6 @@ def _read_user(agent: AgentRecord, step: float) -> RoadUser:
         )
     shape = Shape(agent.type, agent.length, agent.width)
     return RoadUser(agent.id, Track(xy, heading, agent.spawn_time, step), shape)
-
-
-@compiled
-def _find_largest(xy: FloatArray, heading: FloatArray) -> float:
-    """The largest magnitude of all; infinite where one is not a number."""
-    largest = 0.0
-    for values in (xy, heading):
-        for value in values:
-            largest = max(largest, np.inf if np.isnan(value) else abs(value))
-    return largest
 
 
 def _check_names(scene: SceneRecord, known: set[int]) -> None:
@@ -356,7 +345,9 @@ def _check_motion(
     intersection_map: IntersectionMap | None,
     roles: AgentRoles,
     matching: Sequence[Event],
+    driven: Sequence[Trajectory],
 ) -> tuple[Finding, ...]:
+    """What is wrong with the motion, the ends and the ground of all; `driven`: without pushes."""
     found: list[Finding] = []
     serious = [e for e in observed.events if e.type in ("collision", "near_miss")]
     exceptions = [
@@ -367,7 +358,6 @@ def _check_motion(
         for agent in scene.agents
     ]
     last = scene.meta.duration
-    driven = cut_pushed(observed.tracks, observed.events, list_pushed(scene.relations))
     for track, broken in zip(observed.tracks, check_motion_limits(driven, exceptions), strict=True):
         found += broken
         if track.start < -1e-6 or track.end > last + 0.1 + 1e-6:
@@ -430,6 +420,7 @@ def _collect_figures(
     observed: SceneObservation,
     intersection_map: IntersectionMap | None,
     foreground: frozenset[int],
+    driven: Sequence[Trajectory],
 ) -> dict[str, Any]:
     pairs = [(r.from_, r.to) for r in scene.relations]
     pet = {f"{a}-{b}": observed.pet((a, b)) for a, b in pairs}
@@ -442,7 +433,6 @@ def _collect_figures(
     asked = any(each.became == "runs_red" for each in scene.said)
     asked |= any(has_trait("cause", relation.cause, "red_light") for relation in scene.relations)
     unasked = red_runs if red_runs and not asked and scene.meta.rules is not None else None
-    driven = cut_pushed(observed.tracks, observed.events, list_pushed(scene.relations))
     return {
         "agents": len(scene.agents),
         "map_checked": intersection_map is not None,

@@ -312,7 +312,7 @@ def is_leading(giver: Trajectory, other: Trajectory, *, time: float, before: flo
     away = other.xy[j] - giver.xy[i]
     if float(np.hypot(*away)) > 3.0 * float(giver.speed[i]) + 5.0 + giver.nose + other.nose:
         return False
-    foot = project(other.xy[j], giver.path.extend(before=0.0, after=15.0))
+    foot = project(other.xy[j], giver.path.extend(15.0))
     gap = float(foot.s) - float(giver.s[i]) - giver.nose - other.nose
     speed = float(giver.speed[i])
     return bool(
