@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil
+from operator import itemgetter
 
 import numpy as np
 
@@ -55,9 +56,8 @@ def place_stops(
     placed: dict[int, Stop] = {}
     for name in dict.fromkeys(each.agent for each in added.stops):
         own = [each for each in added.stops if each.agent == name]
-        asked = sorted(
-            ((_find_arc_length(each, anchors[name]), each) for each in own), key=_get_first
-        )
+        located = ((_find_arc_length(each, anchors[name]), each) for each in own)
+        asked = sorted(located, key=itemgetter(0))
         agents[name], stops = _add_stops(agents[name], asked, selection)
         placed |= {id(each): stop for (_, each), stop in zip(asked, stops, strict=True)}
     done = tuple(
@@ -70,10 +70,6 @@ def place_stops(
         for each in added.stops
     )
     return added.model_copy(update={"stops": done}), replace(selection, agents=agents)
-
-
-def _get_first(pair: tuple[float, AddedStop]) -> float:
-    return pair[0]
 
 
 def _find_arc_length(stop: AddedStop, anchors: Sequence[Anchor]) -> float:

@@ -34,6 +34,7 @@ from scenewright.tools.solver.entry_times import (
     SEEN,
     START_LAG,
     SceneTiming,
+    is_green_around,
     is_seen_moving,
     list_greens,
 )
@@ -86,6 +87,8 @@ _LEAST = 0.7
 _QUEUES = 10.0
 """How long a vehicle waits for room to enter [s]; it stays away if its lane is full for longer."""
 _LONGEST_HEADWAY = 2.6
+_EXACT_PACE = 0.15
+"""How long before and after it is passed a light must be green [s]: a pace is exact to 0.1 s."""
 
 
 def enter_traffic(
@@ -196,7 +199,8 @@ def _find_drive(
         driven = driven[: max(int(until / STEP + 1e-6), 1) + 1]
         if not is_seen_moving(driven, enters, duration) or _brakes_hard(driven, braking):
             continue
-        if not _passes_on_green(driven, line, enters, greens):
+        crosses = enters + find_time_at_place(driven, line)
+        if not is_green_around(crosses, _EXACT_PACE, greens):
             continue
         if not meets_any(round(enters / STEP), corridor, driven, False, False, True, table):
             return enters, pace, rates, stops, driven
@@ -249,19 +253,6 @@ def _brakes_hard(s: FloatArray, usual: float) -> bool:
     most = max(_HARDEST_DRIVEN, 1.06 * usual) * 2 * STEP * 3 * STEP
     change = (s[5:] - s[3:-2]) - (s[2:-3] - s[:-5])
     return len(change) > 0 and change.min() < -most
-
-
-@compiled
-def _passes_on_green(s: FloatArray, line: float, enters: float, greens: Greens) -> bool:
-    """Return whether its light is green when it passes; a pace is exact to about 0.1 s."""
-    crosses = enters + find_time_at_place(s, line)
-    if len(greens[0]) == 0 or crosses == np.inf:
-        return True
-    return (
-        is_green(crosses - 0.15, greens)
-        and is_green(crosses, greens)
-        and is_green(crosses + 0.15, greens)
-    )
 
 
 @compiled

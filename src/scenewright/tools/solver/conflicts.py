@@ -9,11 +9,11 @@ conflict judges what has come of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import Protocol
 
 import numpy as np
 
@@ -22,14 +22,11 @@ from scenewright.scene.kinds import get_kind, has_trait
 from scenewright.scene.reaction_behavior import ASIDE, REACTION_TIME, Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import SolverContext
-from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.context import SolverContext, find_contact_nodes, find_meetings
+from scenewright.tools.solver.impact import FirstContact
 from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.reactions import (
     SLOWS_FOR,
-    find_place,
-    find_speed,
-    find_threat,
     find_usual_braking,
     run_on,
     sees,
@@ -94,7 +91,9 @@ _RESTS = (0.4, 0.9)
 """How long it stands after that [s]."""
 
 Pair = tuple[ScheduledAgent, ScheduledAgent]
-_Changed = tuple[ScheduledAgent, "Response | None"]
+Threat = tuple[float, float] | None
+"""From when to when a conflict is perceptible [s]; None: it never is."""
+_Answer = tuple[ScheduledAgent, "Response | None"]
 """An agent as it responds, if it does."""
 
 
@@ -116,9 +115,14 @@ class Response:
     short: float | None = None
 
     @property
+    def goes_back(self) -> bool:
+        """Whether it goes backwards, out of the other's way."""
+        return has_trait("reaction", self.reaction.kind, "back")
+
+    @property
     def gives_way(self) -> bool:
         """Whether it counts as giving way if it passes second with time to spare."""
-        slows = not (self.reaction.hurries or has_trait("reaction", self.reaction.kind, "back"))
+        slows = not (self.reaction.hurries or self.goes_back)
         return slows and self.keeps < _YIELDS and self.reaction.strength < _HARSH
 
 
@@ -141,57 +145,54 @@ class Conflict:
     """Two that respond to one another.
 
     Attributes:
-        pair: as they respond; unaware: as they would move on, and touch.
-        threat: from when to when the conflict of the unaware two is perceptible [s], if it is.
+        pair: as they respond.
+        threat: from when to when the conflict is perceptible [s] if they move on, if it is.
         latest: until when they must touch [s], if that is asked for.
     """
 
     pair: Pair
-    unaware: FirstContact
-    threat: tuple[float, float] | None
+    threat: Threat
     latest: float
 
 
-Judge = Callable[[Conflict], PartialSchedule | None]
-
-
-class Prepare(Protocol):
-    """Changes two as placed, which touch as found; None if that does not fit."""
-
-    def __call__(self, pair: Pair, found: FirstContact, *, first: bool) -> Pair | None:
-        """Return the two as changed; `first`: at the offset drawn, not at one solved for."""
-
-
 @dataclass(eq=False)
-class ConflictSampler:
-    """Samples conflicts of a clause's two agents.
+class ConflictSampler(ABC):
+    """Samples conflicts of a clause's two agents; each kind of clause judges what comes of them.
 
     Attributes:
         pair: the two, not yet placed to one another.
-        judge: builds the schedule of a conflict that is as wanted.
         pets: range of the PET at which they miss one another [s]; None: they touch.
         second: which of the two passes second (0, 1), where only one may.
-        prepare: changes the two as placed before they respond; None if that does not fit.
     """
 
     clause: PairClause
     schedule: PartialSchedule
     context: SolverContext
     pair: Pair
-    judge: Judge
     pets: tuple[float, float] | None = None
     second: int | None = None
-    prepare: Prepare | None = None
     _taken: set[float] = field(default_factory=set, init=False)
     _faulty: set[float] = field(default_factory=set, init=False)
     _steps: int = field(default=0, init=False)
     _unlawful: int = field(default=0, init=False)
     _seed: int = field(default=0, init=False)
 
+    @abstractmethod
+    def judge(self, conflict: Conflict) -> PartialSchedule | None:
+        """Return the schedule with the conflict; None if it is not as the clause asks."""
+
+    def prepare(self, contact: FirstContact, *, first: bool) -> FirstContact | None:  # noqa: ARG002
+        """Change the two that would touch before they respond; None if the contact does not fit.
+
+        Args:
+            first: at the offset drawn, not at one solved for.
+        """
+        return contact
+
     def sample(self, draws: Iterable[Draw]) -> Iterator[PartialSchedule]:
         """List schedules (lazily) with conflicts as wanted, one a draw at most."""
         for draw in draws:
-            found = self.settle(draw)
+            found = self._settle(draw)
             if found is not None:
                 yield found
             elif self._unlawful >= _UNLAWFUL:
@@ -199,13 +200,16 @@ class ConflictSampler:
 
     @cached_property
     def _meetings(self) -> Intervals:
-        return self.context.find_meeting_intervals(self.clause, *self.pair)
+        return find_meetings(*self.pair)
 
-    def settle(self, draw: Draw) -> PartialSchedule | None:
+    def _settle(self, draw: Draw) -> PartialSchedule | None:
         """Find an offset at which the two respond as drawn and `judge` takes what comes of it."""
-        delta, tried = draw.delta, set(self._taken)
+        delta: float | None = draw.delta
+        tried = set(self._taken)
         self._seed = int(self.context.rng.integers(1 << 32))  # responses stay alike at all offsets
         for n in range(_OFFSETS_A_DRAW):
+            if delta is None:
+                return None
             a, b = self.schedule.place(self.clause, *self.pair, delta)
             delta = round(b.enters - a.enters, 1)
             if delta in tried or (n == 0 and delta in self._faulty):
@@ -213,164 +217,170 @@ class ConflictSampler:
             tried.add(delta)
             self._steps += 1
             count_work(self._steps % 4 == 0)  # four take as long as other steps of the search
-            unaware = find_first_contact(a, b, left_hand=self.context.left_hand)
-            if unaware is not None and self.prepare is not None:
-                prepared = self.prepare((a, b), unaware, first=n == 0)
-                if prepared is None:
-                    unaware = None
-                elif prepared != (a, b):
-                    a, b = prepared
-                    unaware = find_first_contact(a, b, left_hand=self.context.left_hand)
-            if unaware is None:
+            contact = self.context.find_first_contact(a, b)
+            prepared = None if contact is None else self.prepare(contact, first=n == 0)
+            if prepared is None:
                 if n == 0:
                     self._faulty.add(delta)
                 return None
-            found, other = self._respond(draw, (a, b), unaware)
+            found, other = self._respond(draw, prepared)
             if found is not None:
                 self._taken.add(delta)
                 if self.context.do_lights_allow(found):
                     return found
                 self._unlawful += 1
                 return None
-            if other is None:
-                return None
             delta = other
         return None
 
     def _respond(
-        self, draw: Draw, pair: Pair, contact: FirstContact
+        self, draw: Draw, contact: FirstContact
     ) -> tuple[PartialSchedule | None, float | None]:
         """Make the two respond: the schedule that fits; else an offset at which they might."""
-        lead = self.context.reactions.hidden.get(frozenset(get_pair(self.clause)))
-        until = contact.time
-        threat = find_threat(
-            self.context.find_path_conflict(self.clause), *pair, until=until, lead=lead
-        )
-        own = [self._list_ways(k, draw.ways[k], pair, threat, until) for k in (0, 1)]
-        both = [
-            (own[0][k], own[1][n])
-            for k, n in sorted(product(*(range(len(each)) for each in own)), key=sum)
-        ]
-        if bool(draw.ways[0]) != bool(draw.ways[1]):  # else the other could have responded
-            both = [each for each in both if each[0][1] or each[1][1]]
-
-        def judge(ways: tuple[_Changed, _Changed]) -> PartialSchedule | None:
-            (a, how_a), (b, how_b) = ways
-            afters = [each.reaction.after for each in (how_a, how_b) if each is not None]
-            onset = np.inf if threat is None or not afters else threat[0] + max(afters)
-            latest = min(until + _SHIFT, onset + draw.within)
-            return self.judge(Conflict((a, b), contact, threat, latest))
-
+        threat = self.context.find_threat(self.clause, *contact.pair, until=contact.time)
+        both = self._combine_answers(draw, contact, threat)
         if self.pets is None:
-            found = next(filter(None, map(judge, both)), None)
-            if found is not None:
-                return found, None
-        delta = pair[1].enters - pair[0].enters
-        for ways in both[:_PAIRS_SOLVED]:
-            (a, how_a), (b, how_b) = ways
-            after = self.context.find_evaded_meetings(self.clause, a, b)
-            targets = self._list_targets(after, (how_a, how_b))
-            if any(low - 1e-6 <= delta <= high + 1e-6 for low, high in targets):
-                found = None if self.pets is None else judge(ways)
+            for answers in both:
+                found = self._judge_answers(draw, contact, threat, answers)
                 if found is not None:
                     return found, None
+        delta, rng = contact.second.enters - contact.first.enters, self.context.rng
+        for answers in both[:_PAIRS_SOLVED]:
+            targets = self._list_targets(answers)
+            if any(low - 1e-6 <= delta <= high + 1e-6 for low, high in targets):
+                if self.pets is not None:
+                    found = self._judge_answers(draw, contact, threat, answers)
+                    if found is not None:
+                        return found, None
             elif targets:
-                low, high = targets[int(self.context.rng.integers(len(targets)))]
-                return None, float(self.context.rng.uniform(low, high))
+                low, high = targets[int(rng.integers(len(targets)))]
+                return None, float(rng.uniform(low, high))
         return None, None
 
-    def _list_targets(
-        self, after: Intervals, ways: tuple[Response | None, Response | None]
-    ) -> list[tuple[float, float]]:
-        """List ranges of offsets [s] at which the two would touch unaware, and responding as they
-        do now touch or miss one another as asked.
+    def _combine_answers(
+        self, draw: Draw, contact: FirstContact, threat: Threat
+    ) -> list[tuple[_Answer, _Answer]]:
+        """List the ways in which the two answer a threat, each way with each of the other's."""
+        answers = [self._list_answers(k, draw.ways[k], contact, threat) for k in (0, 1)]
+        ranks = sorted(product(*(range(len(each)) for each in answers)), key=sum)
+        both = [(answers[0][k], answers[1][n]) for k, n in ranks]
+        if bool(draw.ways[0]) != bool(draw.ways[1]):  # else the other could have responded
+            both = [each for each in both if each[0][1] or each[1][1]]
+        return both
 
-        Args:
-            after: offsets at which they would touch if they responded so.
-        """
+    def _judge_answers(
+        self,
+        draw: Draw,
+        contact: FirstContact,
+        threat: Threat,
+        answers: tuple[_Answer, _Answer],
+    ) -> PartialSchedule | None:
+        """Judge what the two do, who must touch soon after the later of their responses."""
+        (a, how_a), (b, how_b) = answers
+        afters = [how.reaction.after for how in (how_a, how_b) if how is not None]
+        onset = np.inf if threat is None or not afters else threat[0] + max(afters)
+        latest = min(contact.time + _SHIFT, onset + draw.within)
+        return self.judge(Conflict((a, b), threat, latest))
+
+    def _list_targets(self, answers: tuple[_Answer, _Answer]) -> list[tuple[float, float]]:
+        """List ranges of offsets [s] at which the two would touch unaware, and responding as they
+        do now touch or miss one another as asked."""
+        (a, how_a), (b, how_b) = answers
+        after = find_meetings(a, b)
         if not len(after) or not len(self._meetings):
             return []
-        if self.pets is None:
-            both = product(self._meetings.tolist(), after.tolist())
-            ranges = [(max(a, c), min(b, d)) for (a, b), (c, d) in both]
-            return [(low, high) for low, high in ranges if high - low > STEP]
-        least, most = self.pets
-        backs = any(how and has_trait("reaction", how.reaction.kind, "back") for how in ways)
+        if self.pets is not None:
+            return self._list_misses(after, self.pets, (how_a, how_b))
+        both = product(self._meetings.tolist(), after.tolist())
+        ranges = [(max(low, least), min(high, most)) for (low, high), (least, most) in both]
+        return [(low, high) for low, high in ranges if high - low > STEP]
+
+    def _list_misses(
+        self,
+        after: Intervals,
+        pets: tuple[float, float],
+        ways: tuple[Response | None, Response | None],
+    ) -> list[tuple[float, float]]:
+        """List ranges of offsets [s] at which the two miss one another by these PETs.
+
+        Args:
+            after: offsets at which they would touch, responding so.
+        """
+        least, most = pets
+        backs = any(how is not None and how.goes_back for how in ways)
         # Who steps back lets the other pass between where it was and where it will be.
         met = after if backs else np.array([after[:, 0].min(), after[:, 1].max()])
         free = np.concatenate(([-np.inf], met.ravel(), [np.inf])).reshape(-1, 2)
-        narrow = [backs or bool(how and how.gives_way) for how in ways]
-        pets = [min(most, _NARROW) if each else most for each in narrow]
+        narrow = [backs or (how is not None and how.gives_way) for how in ways]
+        mosts = [min(most, _NARROW) if each else most for each in narrow]
         low, high = float(self._meetings[:, 0].min()), float(self._meetings[:, 1].max())
         ranges = list[tuple[float, float]]()
         for begin, end in (free if self.second is None else free[[-self.second]]).tolist():
             inside = max(begin + least, low + STEP), min(end - least, high - STEP)
             # Shortly before a meeting the first passes second, shortly after one the other.
-            sides = (end - pets[0], end), (begin, begin + pets[1])
+            sides = (end - mosts[0], end), (begin, begin + mosts[1])
             ranges += [(max(a, inside[0]), min(b, inside[1])) for a, b in sides]
         return [(a, b) for a, b in ranges if a <= b]
 
-    def _list_ways(
-        self,
-        k: int,
-        ways: tuple[Response, ...],
-        pair: Pair,
-        threat: tuple[float, float] | None,
-        until: float,
-    ) -> list[_Changed]:
+    def _list_answers(
+        self, k: int, ways: tuple[Response, ...], contact: FirstContact, threat: Threat
+    ) -> list[_Answer]:
         """List one of the two responding, each way that is seen; as it is, if it perceives nothing.
 
         None where it would have to, and cannot.
         """
-        of, other, asked = (
-            pair[k],
-            pair[1 - k],
-            get_pair(self.clause)[k] in self.context.reactions.ways,
-        )
-        blind = threat is None or of.slowings or not sees(of, other, threat[0])
-        if blind or not self.context.reactions.may_react(get_pair(self.clause)[k]) or not ways:
-            return [(of, None)]
-        begin = 0.0 if threat is None else threat[0]
-        found, late = list[_Changed](), 0
-        for each in ways:
-            if self.pets is None and begin + each.reaction.after > until - _TOO_LATE:
+        agent, name = contact.pair[k], get_pair(self.clause)[k]
+        reactions = self.context.reactions
+        if threat is None or agent.slowings or not sees(agent, contact.pair[1 - k], threat[0]):
+            return [(agent, None)]
+        if not reactions.may_react(name) or not ways:
+            return [(agent, None)]
+        begin = threat[0]
+        answers, late = list[_Answer](), 0
+        for how in ways:
+            if self.pets is None and begin + how.reaction.after > contact.time - _TOO_LATE:
                 late += 1
                 continue
-            changed = self._change(k, each, pair, begin, until)
-            if changed is not None and _is_seen(of, changed, begin, until):
-                found.append((changed, each))
-        return [(of, None)] if late == len(ways) and not asked else found
+            changed = self._change(k, how, contact, begin)
+            if changed is not None and _is_seen(agent, changed, begin, contact.time):
+                answers.append((changed, how))
+        return [(agent, None)] if late == len(ways) and name not in reactions.ways else answers
 
     def _change(
-        self, k: int, response: Response, pair: Pair, begin: float, until: float
+        self, k: int, response: Response, contact: FirstContact, begin: float
     ) -> ScheduledAgent | None:
         """Apply the response; None where it changes nothing.
 
         Args:
-            begin: when the conflict is perceptible; until: when the two would touch [s].
+            begin: when the conflict is perceptible [s].
         """
-        of, reaction, kind = pair[k], response.reaction, pair[k].candidate.shape.type
-        paths = self.context.find_path_conflict(self.clause)
+        agent, reaction = contact.pair[k], response.reaction
+        kind, rng = agent.candidate.shape.type, np.random.default_rng([self._seed, k])
+        paths = find_contact_nodes(contact.first.candidate, contact.second.candidate)
         nodes = (paths.s_a[paths.i], paths.s_b[paths.j])[k]
-        onset, rng = begin + reaction.after, np.random.default_rng([self._seed, k])
+        onset = begin + reaction.after
         if response.short is not None:
-            return self._brake_short(pair, response, response.short, rng)
-        if has_trait("reaction", reaction.kind, "back"):
-            return self._step_back(of, reaction, float(nodes.min()), begin, until, rng)
-        usual, before = find_usual_braking(of, begin, onset), find_speed(of, onset)
+            return self._brake_short(contact.pair, response, response.short, rng)
+        if response.goes_back:
+            return self._step_back(agent, reaction, float(nodes.min()), begin, contact.time, rng)
+        usual, before = find_usual_braking(agent, begin, onset), agent.find_speed(onset)
         least = _WEAKEST[kind] + usual
         if reaction.hurries:
-            beyond = float(nodes.max()) + 1.0 if response.kept is None else of.candidate.path.length
-            return run_on(of, onset=onset, acceleration=max(reaction.strength, least), until=beyond)
+            beyond = float(nodes.max()) + 1.0
+            if response.kept is not None:
+                beyond = agent.candidate.path.length
+            return run_on(
+                agent, onset=onset, acceleration=max(reaction.strength, least), until=beyond
+            )
         speed = max(_LEAST_SPEED[kind], response.keeps * before)
         if response.kept is not None:
             speed = max(_LEAST_SPEED[kind], min(speed, before - SLOWS_FOR * least))
         braking = max(min(reaction.strength + usual, (before - speed) / SLOWS_FOR), least)
-        kept = response.kept or max(float(nodes.min()) - find_place(of, onset), 1.0)
-        changed = slow_down(of, onset=onset, braking=braking, speed=speed, kept=kept)
+        kept = response.kept or max(float(nodes.min()) - agent.find_place(onset), 1.0)
+        changed = slow_down(agent, onset=onset, braking=braking, speed=speed, kept=kept)
         if changed is not None and reaction.swerves:
-            aside = float(rng.uniform(*ASIDE))
-            return swerve_away(changed, of, pair[1 - k], onset=onset, meets=until, by=aside)
+            aside, other = float(rng.uniform(*ASIDE)), contact.pair[1 - k]
+            return swerve_away(changed, agent, other, onset=onset, meets=contact.time, by=aside)
         return changed
 
     def _brake_short(
@@ -379,7 +389,7 @@ class ConflictSampler:
         """Brake the first so far short of the other's path [m], to a stop until that has passed or
         to a lower speed; None where its way begins too late."""
         (a, b), braking = pair, response.reaction.strength
-        zone = find_conflict_zone(self.clause, a, b, self.context)
+        zone = find_conflict_zone(a.candidate, b.candidate)
         first = float(zone.s_a[zone.i].min())
         passed = b.enters + b.motion.find_time_at(float(zone.s_b[zone.j].max()))
         s, usual = first - short, float(np.interp(first, a.motion.s, a.motion.speed))
@@ -405,7 +415,7 @@ class ConflictSampler:
         `zone` [m]; None unless that is a reaction time after `begin` [s]."""
         hit = self.pets is None
         into = float(rng.uniform(*(_DEEP if hit else _INTO)))
-        at, speed = zone + into, find_speed(of, until)
+        at, speed = zone + into, of.find_speed(until)
         onset = of.enters + of.motion.find_time_at(at - speed**2 / (2.0 * how.strength))
         if not REACTION_TIME.least <= onset - begin <= REACTION_TIME.most:
             return None

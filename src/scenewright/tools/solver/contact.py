@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,22 +14,16 @@ from scenewright.scene.reaction_behavior import REACTION_TIME, RUNS, Reaction
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Pair, Response
-from scenewright.tools.solver.context import FailureStage, SolverContext
+from scenewright.tools.solver.context import FailureStage, SolverContext, find_meetings
 from scenewright.tools.solver.following import (
     TURNED,
     compute_passing_time,
     plan_lead_braking,
     plan_rear_ends,
 )
-from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.impact import FirstContact
 from scenewright.tools.solver.path_conflict import Intervals
-from scenewright.tools.solver.reactions import (
-    SEEN_BEFORE,
-    find_place,
-    find_speed,
-    find_threat,
-    sees,
-)
+from scenewright.tools.solver.reactions import SEEN_BEFORE, sees
 from scenewright.tools.solver.scheduled_agent import (
     PartialSchedule,
     ScheduledAgent,
@@ -83,10 +77,9 @@ def schedule_contacts(
         for follower, leader, deltas in plan_rear_ends(a, b, clause, context):
             yield from _schedule_offsets(clause, schedule, context, (follower, leader), deltas)
         return
-    meetings = context.find_meeting_intervals(clause, a, b)
+    meetings = find_meetings(a, b)
     if not len(meetings):
-        words = f"the paths of {clause.first} and {clause.second} never touch"
-        context.note_miss(clause, FailureStage.PATHS, words)
+        context.note_paths_apart(clause)
     some, every = (draw(meetings, context) for draw in (_draw_inside, _draw_everywhere))
     ways = [context.reactions.ways.get(name) for name in get_pair(clause)]
     points = clause.point_first or clause.point_second or context.wants_impact_point(clause)
@@ -128,14 +121,12 @@ def _schedule_offsets(
     Args:
         strict: the clause's first agent strikes, also where either may.
     """
-    judge = _Judge(clause, schedule, context, strict)
-    draws = _list_draws(clause, context, pair, deltas)
+    sampler = _ContactSampler(clause, schedule, context, pair, strict=strict)
     scheduled = False
-    sampler = ConflictSampler(clause, schedule, context, pair, judge.judge, prepare=judge.prepare)
-    for found in sampler.sample(draws):
+    for found in sampler.sample(_list_draws(clause, context, pair, deltas)):
         scheduled = True
         yield found
-    return judge.turned_round and not scheduled
+    return sampler.turned_round and not scheduled
 
 
 def _list_draws(
@@ -194,9 +185,9 @@ def _draw_everywhere(meetings: Intervals, context: SolverContext) -> list[float]
     return context.rng.permutation(np.concatenate(every)).tolist() if every else []
 
 
-@dataclass
-class _Judge:
-    """Whether contacts of the clause's two agents are as asked.
+@dataclass(eq=False)
+class _ContactSampler(ConflictSampler):
+    """Samples conflicts in which the clause's two agents touch as asked.
 
     Attributes:
         strict: the clause's first agent strikes, also where either may.
@@ -204,108 +195,100 @@ class _Judge:
     """
 
     clause: Contact
-    schedule: PartialSchedule
-    context: SolverContext
-    strict: bool
-    turned_round: bool = False
+    strict: bool = field(default=True, kw_only=True)
+    turned_round: bool = field(default=False, init=False)
 
-    def prepare(self, pair: Pair, found: FirstContact, *, first: bool) -> Pair | None:
-        """Brake the striking vehicle, placed, as asked; None if the contact cannot be as asked.
-
-        Args:
-            first: with the offset drawn, not with one solved for.
-        """
-        (a, b), clause = pair, self.clause
-        again: FirstContact | None = found
-        speed = clause.speed
-        slower = speed is not None and found.speed >= speed + _SMOOTHED
+    def prepare(self, contact: FirstContact, *, first: bool) -> FirstContact | None:
+        """Brake the striking vehicle as asked; None if the contact cannot be as asked."""
+        clause, speed = self.clause, self.clause.speed
+        braked: FirstContact | None = contact
+        a = contact.first
+        slower = speed is not None and contact.speed >= speed + _SMOOTHED
         if speed and slower and not a.slowings and a.candidate.shape.type not in RIDERS:
             # It reacts to the other, where the reaction time leaves as much braking as that takes.
             aim = max(speed - _SMOOTHED, 0.5)
-            a, again = self._brake_late(pair, found, aim, self._draw_braking(pair, found, aim))
-        if again is None or (first and self._has_fault(again, a)):
+            braked = self._brake_late(contact, aim, self._draw_braking(contact, aim))
+        if braked is None or (first and self._has_fault(braked)):
             return None
-        if not self._is_in_time(again, b):
+        if not self._is_in_time(braked):
             return None
-        if has_trait("cause", clause.cause, "late") and not a.slowings:
-            aim = again.speed * float(self.context.rng.uniform(*_LATE))
-            a, later = self._brake_late((a, b), again, aim, None)
-            if later is None or self._has_fault(later, a) or abs(later.time - again.time) > 0.6:
-                words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
-                self.context.note_miss(clause, FailureStage.COMPANY, words)
-                return None
-        return a, b
+        if not has_trait("cause", clause.cause, "late") or braked.first.slowings:
+            return braked
+        aim = braked.speed * float(self.context.rng.uniform(*_LATE))
+        later = self._brake_late(braked, aim, None)
+        if later is None or self._has_fault(later) or abs(later.time - braked.time) > 0.6:
+            words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
+            self.context.note_miss(clause, FailureStage.COMPANY, words)
+            return None
+        return later
 
     def judge(self, conflict: Conflict) -> PartialSchedule | None:
         """Return the schedule with the contact of the two; None if it is not as asked."""
-        (a, b), clause = conflict.pair, self.clause
-        found = find_first_contact(a, b, left_hand=self.context.left_hand)
-        if found is None or found.time > conflict.latest or self._has_fault(found, a):
+        pair, threat = conflict.pair, conflict.threat
+        contact = self.context.find_first_contact(*pair)
+        if contact is None or contact.time > conflict.latest or self._has_fault(contact):
             return None
-        if any(_has_stopped(of, found.time) or not _is_back(of, found.time) for of in (a, b)):
+        time = contact.time
+        if any(_has_stopped(agent, time) or not _is_back(agent, time) for agent in pair):
             return None
-        if self.schedule.is_too_soon(found.time, clause) and clause.kind != "rear_end":
+        if self.schedule.is_too_soon(time, self.clause) and self.clause.kind != "rear_end":
             return None
-        time = found.time
-        seen = time if conflict.threat is None else conflict.threat[0] - SEEN_BEFORE
-        event = ScheduledEvent(clause, time, min(time - 3.0, seen), time, time, found.location)
-        return self.schedule.add_event(event, a.end_at(time), b.end_at(time))
+        begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
+        event = ScheduledEvent(self.clause, time, begins, time, time, contact.location)
+        return self.schedule.add_event(event, *(agent.end_at(time) for agent in pair))
 
-    def _has_fault(self, found: FirstContact, a: ScheduledAgent) -> bool:
+    def _has_fault(self, contact: FirstContact) -> bool:
         striker = self.context.find_striker(self.clause)
-        fault = _find_fault(found, self.clause, a, striker, strict=self.strict)
+        fault = _find_fault(contact, self.clause, striker, strict=self.strict)
         if fault is not None:
             reached, words, off = fault
             self.context.note_miss(self.clause, reached, words, off=off)
             self.turned_round |= reached is FailureStage.ROLES
         return fault is not None
 
-    def _is_in_time(self, found: FirstContact, b: ScheduledAgent) -> bool:
+    def _is_in_time(self, contact: FirstContact) -> bool:
         """Return whether the contact comes after earlier events of its agents; else note it.
 
         A leader that gives way is hit where it stands, once the other has passed.
         """
-        clause, schedule = self.clause, self.schedule
-        if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
-            busy, latest = schedule.find_busy_end(clause.first), b.stops[-1].until + 0.2
-            earliest = max(busy + 0.5, compute_passing_time(b))
+        clause, schedule, leader = self.clause, self.schedule, contact.second
+        if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in leader.stops):
+            busy, latest = schedule.find_busy_end(clause.first), leader.stops[-1].until + 0.2
+            earliest = max(busy + 0.5, compute_passing_time(leader))
         else:
             busy, latest = max(map(schedule.find_busy_end, get_pair(clause))), float("inf")
             earliest = busy + 0.5
-        if earliest <= found.time <= latest:
+        if earliest <= contact.time <= latest:
             return True
-        late, pair = earliest - found.time, f"{clause.first} and {clause.second}"
+        late, pair = earliest - contact.time, f"{clause.first} and {clause.second}"
         words = f"it would come {late:.1f} s before {pair} are free for it"
         if late < 0.0:
-            words = f"it would come {found.time - latest:.1f} s after {clause.second} has gone on"
+            words = f"it would come {contact.time - latest:.1f} s after {clause.second} has gone on"
         self.context.note_miss(clause, FailureStage.COMPANY, words, off=abs(late))
         return False
 
     def _brake_late(
-        self, pair: Pair, found: FirstContact, speed: float, braking: float | None
-    ) -> tuple[ScheduledAgent, FirstContact | None]:
-        """Return the first braking to `speed` where it would have touched, and its contact then."""
-        a, b = pair
-        at = float(a.motion.compute_positions(np.array([found.time - a.enters]))[0])
+        self, contact: FirstContact, speed: float, braking: float | None
+    ) -> FirstContact | None:
+        """Return the contact if the first brakes to `speed` where it would have touched."""
+        a, b = contact.pair
+        at = a.find_place(contact.time)
         slow = Slowing(at, speed, braking or float(self.context.rng.uniform(*_BRAKES_LATE)))
-        braked = a.edit(stops=a.stops, slowings=(slow,))
-        return braked, find_first_contact(braked, b, left_hand=self.context.left_hand)
+        return self.context.find_first_contact(a.edit(stops=a.stops, slowings=(slow,)), b)
 
-    def _draw_braking(self, pair: Pair, found: FirstContact, speed: float) -> float | None:
+    def _draw_braking(self, contact: FirstContact, speed: float) -> float | None:
         """Draw a braking [m/s^2], a reaction time after the threat, that leaves this speed at the
         contact [m/s]; None if none does."""
-        (a, b), clause, context = pair, self.clause, self.context
-        lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
-        conflict = context.find_path_conflict(clause)
-        threat = find_threat(conflict, a, b, until=found.time, lead=lead)
-        if threat is None or not context.reactions.may_react(clause.first):
+        (a, b), context = contact.pair, self.context
+        threat = context.find_threat(self.clause, a, b, until=contact.time)
+        if threat is None or not context.reactions.may_react(self.clause.first):
             return None
         if not sees(a, b, threat[0]):
             return None
-        there = find_place(a, found.time)
+        there = a.find_place(contact.time)
         for _ in range(_DRAWS):
             onset = threat[0] + REACTION_TIME.sample(context.rng)
-            here, before = find_place(a, onset), find_speed(a, onset)
+            here, before = a.find_place(onset), a.find_speed(onset)
             braking = (before**2 - speed**2) / (2.0 * max(there - here, 1e-3))
             if there > here and _BRAKINGS[0] <= braking <= _BRAKINGS[1]:
                 return float(braking)
@@ -315,7 +298,7 @@ class _Judge:
 def _is_back(of: ScheduledAgent, time: float) -> bool:
     """Return whether who steps back, if it does, has done so by a time [s]."""
     steps = of.candidate.shape.type == "pedestrian" and of.candidate.unevaded is not None
-    return not steps or find_place(of, time) > of.slowings[-3].s + _GONE_BACK
+    return not steps or of.find_place(time) > of.slowings[-3].s + _GONE_BACK
 
 
 def _has_stopped(of: ScheduledAgent, time: float) -> bool:
@@ -328,12 +311,7 @@ def _has_stopped(of: ScheduledAgent, time: float) -> bool:
 
 
 def _find_fault(
-    found: FirstContact,
-    clause: Contact,
-    a: ScheduledAgent,
-    striker: int | None,
-    *,
-    strict: bool = False,
+    found: FirstContact, clause: Contact, striker: int | None, *, strict: bool
 ) -> tuple[FailureStage, str, float] | None:
     """Find why a contact is not the one asked for, and by how much; None if it is.
 
@@ -344,7 +322,7 @@ def _find_fault(
     if clause.kind not in (None, found.kind):
         kind = found.kind or "none of the kinds for sure"
         return FailureStage.KIND, f"{first} and {second} touch as {kind}", 0.0
-    if found.kind == "rear_end" and _is_before_turn(a, found):
+    if found.kind == "rear_end" and _is_before_turn(found):
         return FailureStage.PLACE, f"{first} strikes before it turns", 0.0
     if _is_wrong_striker(found, clause, striker, strict=strict):
         strikes, struck = pair if striker == 1 else pair[::-1]
@@ -358,9 +336,10 @@ def _find_fault(
             return FailureStage.PLACE, f"a contact at the {asked} of {name}: found at {there}", 0.0
     if clause.speed is not None and abs(found.speed - clause.speed) > _SPEED_OFF:
         extreme = "fastest" if found.speed < clause.speed else "slowest"
+        candidate = found.first.candidate
         words = (
             f"a target impact speed of {clause.speed:g} m/s: the {extreme} "
-            f"{a.candidate.subtype or a.candidate.shape.type} on this movement strikes at "
+            f"{candidate.subtype or candidate.shape.type} on this movement strikes at "
             f"{found.speed:.1f} m/s"
         )
         return FailureStage.MEASURE, words, abs(found.speed - clause.speed)
@@ -371,12 +350,12 @@ def _find_fault(
     return None
 
 
-def _is_before_turn(a: ScheduledAgent, found: FirstContact) -> bool:
+def _is_before_turn(contact: FirstContact) -> bool:
     """Whether a contact comes before who turns is seen to turn."""
-    heading = a.candidate.path.heading
+    heading = contact.first.candidate.path.heading
     if np.abs(heading - heading[0]).max() < TURNED:
         return False
-    at_contact = float(a.get_poses(np.array([found.time]))[0][2])
+    _, _, at_contact = contact.first.get_pose_at(contact.time)
     return bool(np.cos(at_contact - heading[0]) > np.cos(TURNED - 0.1))
 
 

@@ -5,22 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from scenewright.geometry.landmarks import Landmarks
-from scenewright.scene.candidates import Candidate
+from scenewright.scene.candidates import Candidate, Path
 from scenewright.scene.constraints import AgentFigure, PairClause, PairFigure, TimeGap
 from scenewright.scene.reaction_behavior import YieldingBehavior, YieldingModel
-from scenewright.scene.track import STEP
+from scenewright.scene.track import STEP, Shape
+from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.path_conflict import (
     Intervals,
     PathConflict,
     find_conflict_intervals,
     find_path_conflict,
 )
-from scenewright.tools.solver.reactions import ReactionRequests
+from scenewright.tools.solver.reactions import ReactionRequests, find_threat
 from scenewright.tools.solver.scheduled_agent import (
     Pairing,
     PartialSchedule,
@@ -128,7 +129,6 @@ class SolverContext:
     pushed: Mapping[str, str] = field(default_factory=dict)
     pets: Mapping[Pairing, TimeGap] = field(default_factory=dict)
     do_lights_allow: Callable[[PartialSchedule], bool] = lambda _: True
-    _conflicts: dict[Pairing, PathConflict] = field(default_factory=dict, init=False)
 
     @cached_property
     def left_hand(self) -> bool:
@@ -172,43 +172,17 @@ class SolverContext:
         first, second = (self.candidates[name].route.type for name in get_pair(clause))
         return self.yielding_model.get((first, second))
 
-    def find_path_conflict(self, clause: PairClause) -> PathConflict:
-        """Find where the two paths come close."""
-        key = get_pair(clause)
-        if key not in self._conflicts:
-            a, b = (self.candidates[name] for name in key)
-            self._conflicts[key] = find_contact_nodes(a, b)
-        return self._conflicts[key]
+    def find_first_contact(self, a: ScheduledAgent, b: ScheduledAgent) -> FirstContact | None:
+        """Find the first contact of two placed agents; None if they never touch."""
+        return find_first_contact(a, b, left_hand=self.left_hand)
 
-    def find_evaded_conflict(
-        self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
-    ) -> PathConflict:
-        """Find where the paths of the two come close, which a reaction may have moved."""
-        drawn = [self.candidates[name].path for name in get_pair(clause)]
-        if a.candidate.path is drawn[0] and b.candidate.path is drawn[1]:
-            return self.find_path_conflict(clause)
-        return find_contact_nodes(a.candidate, b.candidate)
-
-    def find_touch(self, clause: PairClause, s: float) -> float | None:
-        """Find where [m] the first touches the second standing at `s`; None in another lane."""
-        pair = self.find_path_conflict(clause)
-        standing = np.abs(pair.s_b[pair.j] - s) < 0.3
-        return float(pair.s_a[pair.i[standing]].min()) if standing.any() else None
-
-    def find_meeting_intervals(
-        self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
-    ) -> Intervals:
-        """Find offsets o_b - o_a [s] at which the two meet."""
-        return find_conflict_intervals(
-            self.find_path_conflict(clause), a.motion, b.motion, c=0.0, exact=True
-        )
-
-    def find_evaded_meetings(
-        self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
-    ) -> Intervals:
-        """Find offsets o_b - o_a [s] at which the two meet as they move now."""
-        pair = self.find_evaded_conflict(clause, a, b)
-        return find_conflict_intervals(pair, a.motion, b.motion, c=0.0, exact=True)
+    def find_threat(
+        self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent, *, until: float
+    ) -> tuple[float, float] | None:
+        """Find from when to when [s] the conflict of the two is perceptible before `until`."""
+        lead = self.reactions.hidden.get(frozenset(get_pair(clause)))
+        nodes = find_contact_nodes(a.candidate, b.candidate)
+        return find_threat(nodes, a, b, until=until, lead=lead)
 
     def get_requested_pet(self, clause: PairClause) -> TimeGap | None:
         """Return the PET asked for between the clause's two agents, by a clause of its own."""
@@ -239,6 +213,11 @@ class SolverContext:
         """Note a miss of the clause."""
         self.misses.note(NearestMiss(clause, reached, words, off))
 
+    def note_paths_apart(self, clause: PairClause) -> None:
+        """Note that the paths of the clause's two agents never touch."""
+        words = f"the paths of {clause.first} and {clause.second} never touch"
+        self.note_miss(clause, FailureStage.PATHS, words)
+
     def refuse_after_collision(
         self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
     ) -> bool:
@@ -252,9 +231,30 @@ class SolverContext:
 
 
 def find_contact_nodes(a: Candidate, b: Candidate) -> PathConflict:
-    """Find where two paths come within 0.1 m, with the resolution of a PET."""
+    """Find where agents on two paths would touch, with the resolution of a PET."""
     spacing = (SPACING[a.route.type], SPACING[b.route.type])
-    return find_path_conflict(a.path, b.path, shapes=(a.shape, b.shape), reach=0.0, spacing=spacing)
+    return _find_contact_nodes(a.path, b.path, (a.shape, b.shape), spacing)
+
+
+@lru_cache(maxsize=64)
+def _find_contact_nodes(
+    a: Path, b: Path, shapes: tuple[Shape, Shape], spacing: tuple[float, float]
+) -> PathConflict:
+    """Find them of paths that are known by identity: agents of many paces try the same one."""
+    return find_path_conflict(a, b, shapes=shapes, reach=0.0, spacing=spacing)
+
+
+def find_meetings(a: ScheduledAgent, b: ScheduledAgent) -> Intervals:
+    """Find offsets o_b - o_a [s] at which the two meet as they move."""
+    nodes = find_contact_nodes(a.candidate, b.candidate)
+    return find_conflict_intervals(nodes, a.motion, b.motion)
+
+
+def find_touch(a: Candidate, b: Candidate, s: float) -> float | None:
+    """Find where [m] the first touches the second standing at `s`; None in another lane."""
+    nodes = find_contact_nodes(a, b)
+    standing = np.abs(nodes.s_b[nodes.j] - s) < 0.3
+    return float(nodes.s_a[nodes.i[standing]].min()) if standing.any() else None
 
 
 def is_in_range(low: float, high: float, value: float) -> bool:

@@ -24,6 +24,7 @@ from scenewright.scene.selection import Slowing
 from scenewright.scene.social import Encounter, ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.object_places import Side, find_places
+from scenewright.tools.solver.impact import locate
 from scenewright.tools.solver.objects import is_in_way, make_sweep
 from scenewright.tools.solver.scheduled_agent import FOR_GOOD, ScheduledAgent
 
@@ -193,16 +194,16 @@ def _find_beside(place: ObjectRecord, candidate: Candidate) -> tuple[float, floa
         return None
     x, y = path.xy[int(np.searchsorted(path.s, s[k]))].tolist()
     heading = float(np.interp(s[k], path.s, path.heading))
-    side = np.sign(np.cos(heading) * (place.y - y) - np.sin(heading) * (place.x - x))
-    return float(s[k]), float(gaps[k]), float(side)
+    _, left = locate((x, y, heading), (place.x, place.y))
+    return float(s[k]), float(gaps[k]), float(np.sign(left))
 
 
 def _open_door(place: ObjectRecord, candidate: Candidate) -> ObjectRecord:
     """The open front door of a vehicle, on the side by which a candidate passes."""
-    from_middle = candidate.path.xy - (place.x, place.y)
-    near = from_middle[int(np.hypot(*from_middle.T).argmin())]
-    cos, sin = np.cos(place.heading), np.sin(place.heading)
-    side = float(np.sign(cos * near[1] - sin * near[0]))
+    away = np.hypot(*(candidate.path.xy - (place.x, place.y)).T)
+    near = candidate.path.xy[int(away.argmin())]
+    _, left = locate((place.x, place.y, place.heading), near)
+    cos, sin, side = np.cos(place.heading), np.sin(place.heading), float(np.sign(left))
     length, width = OBJECT_SIZES["door"]
     ahead, aside = _HINGE * place.length, side * (place.width / 2 + 0.02 + length / 2)
     return ObjectRecord(

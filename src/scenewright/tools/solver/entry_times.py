@@ -56,6 +56,9 @@ _STARTED = -6.0
 """An agent that set off longer before the scene than this has hardly anything of its start left
 [s]."""
 
+_GREEN_MARGIN = 0.3
+"""How long before and after it is passed a light must be green [s]."""
+
 _MARGIN = 0.5
 """How far beside a crosswalk a pedestrian counts as on it [m]."""
 
@@ -152,7 +155,7 @@ def starts_on_red(actor: ScheduledAgent, moment: SceneTiming) -> bool:
     """Return whether a pedestrian starts the scene on its crosswalk while its light is red."""
     if actor.enters >= 0.0 or not _is_red_at_start(actor, moment):
         return False
-    s = actor.motion.compute_positions(np.array([-actor.enters]))[0]
+    s = actor.find_place(0.0)
     own = [each for each in actor.landmarks.crosswalks if each[0] == actor.landmarks.own_crosswalk]
     return any(begin - _MARGIN < s < end + _MARGIN for _, begin, end in own)
 
@@ -316,7 +319,7 @@ def _find_entry(
         if enters > duration - SEEN:
             continue
         crosses = enters + find_time_at_place(free, line)
-        holds = not _is_passable(crosses, greens)
+        holds = not is_green_around(crosses, _GREEN_MARGIN, greens)
         for row in range(_ROWS if holds and rows[n] > 0.0 else 1):
             stop, release, moved = np.nan, 0.0, free
             if holds:
@@ -356,11 +359,13 @@ def is_seen_moving(moved: FloatArray, enters: float, duration: float) -> bool:
 
 
 @compiled
-def _is_passable(crosses: float, greens: Greens) -> bool:
-    """Return whether the light is green from 0.3 s before it is passed to 0.3 s after."""
+def is_green_around(crosses: float, margin: float, greens: Greens) -> bool:
+    """Return whether the light is green so long [s] before it is passed, then and after; True
+    where there is none, or it is never passed."""
     if len(greens[0]) == 0 or crosses == np.inf:
         return True
-    return is_green(crosses - 0.3, greens) and is_green(crosses + 0.3, greens)
+    before, after = crosses - margin, crosses + margin
+    return is_green(before, greens) and is_green(crosses, greens) and is_green(after, greens)
 
 
 @compiled

@@ -12,10 +12,12 @@ from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.solver.context import compute_excess
 from scenewright.tools.solver.hard_braking import compute_smooth_acceleration
+from scenewright.tools.solver.impact import locate
 from scenewright.tools.solver.scheduled_agent import (
     PartialSchedule,
     ScheduledAgent,
     ScheduledEvent,
+    compute_bumper_gaps,
     get_shared_times,
 )
 
@@ -136,8 +138,7 @@ def _compute_following(
     times = get_shared_times(a, b)
     if times is None:
         return ()
-    ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
-    gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
+    gap = compute_bumper_gaps(a, b, times)
     speed = np.interp(times - a.enters, a.motion.clock, a.motion.speed)
     headway = gap / np.maximum(speed, 1e-6)
     follows = (headway >= _FOLLOWS[0]) & (headway <= _FOLLOWS[1]) & (speed > 1.0)
@@ -152,10 +153,8 @@ def _compute_impact_share(
 ) -> tuple[float, ...]:
     """Compute where on the first agent the contact lies [%]: across its front, or along its
     side."""
-    x, y, heading = a.get_poses(np.array([event.time]))[0].tolist()
-    shape, (px, py) = a.candidate.shape, event.location
-    along = (px - x) * np.cos(heading) + (py - y) * np.sin(heading)
-    across = (py - y) * np.cos(heading) - (px - x) * np.sin(heading)
+    pose, shape = a.get_pose_at(event.time), a.candidate.shape
+    along, across = locate(pose, event.location)
     at_front = along >= shape.length / 2 - _FRONT
     if clause.clause == "side_point":
         share = 0.5 - along / shape.length
@@ -163,7 +162,7 @@ def _compute_impact_share(
     from_left = float(np.clip(0.5 - across / shape.width, 0.0, 1.0))
     left = clause.clause == "front_point_left"
     if clause.clause == "front_point":
-        before, after = b.get_poses(np.array([event.time - 0.3, event.time]))[:, :2]
-        step = after - before  # to the right as seen by the first: it comes from its left
-        left = bool(step[1] * np.cos(heading) - step[0] * np.sin(heading) < 0.0)
+        # Who is less far to the left of the first than before comes from its left.
+        before = b.get_pose_at(event.time - 0.3)[:2]
+        left = locate(pose, before)[1] > locate(pose, b.get_pose_at(event.time)[:2])[1]
     return (100.0 * (from_left if left else 1.0 - from_left),) if at_front else ()

@@ -22,6 +22,8 @@ from scenewright.tools.solver.context import (
     FailureStage,
     SolverContext,
     compute_excess,
+    find_contact_nodes,
+    find_touch,
     is_in_range,
 )
 from scenewright.tools.solver.entry_times import build_red_light_stop
@@ -40,7 +42,7 @@ from scenewright.tools.solver.scheduled_agent import (
     PartialSchedule,
     ScheduledAgent,
     ScheduledEvent,
-    get_point,
+    compute_bumper_gaps,
     get_shared_times,
 )
 
@@ -112,7 +114,7 @@ def plan_rear_ends(
     """Plan follower and leader, edited but not yet placed, and offsets at which they meet [s]."""
     room = context.find_room_ahead(clause.second)
     for leader in _list_standing_leaders(b, room, context.rng):
-        touch, follower = context.find_touch(clause, leader.stops[-1].s), a
+        touch, follower = find_touch(a.candidate, b.candidate, leader.stops[-1].s), a
         if touch is None:
             words = f"{clause.first} does not drive in the lane where {clause.second} stops"
             context.note_miss(clause, FailureStage.PATHS, words)
@@ -180,7 +182,7 @@ def plan_lead_braking(
     a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
 ) -> Iterator[tuple[ScheduledAgent, ScheduledAgent, list[float]]]:
     """Plan follower and leader, which brakes ahead of it, and offsets at which they meet [s]."""
-    for leader, touch in _draw_leaders(b, clause, context):
+    for leader, touch in _draw_leaders(a, b, clause, context):
         for _ in range(_FOLLOWERS):
             speed = clause.speed or float(context.rng.uniform(*_SPEED_LEFT))
             braking = float(context.rng.uniform(*_LATE_BRAKING))
@@ -199,7 +201,7 @@ def schedule_stops_behind(
         words = f"one of {clause.first} and {clause.second} has crashed or stopped before"
         context.note_miss(clause, FailureStage.PATHS, words)
         return
-    for leader, touch in _draw_leaders(b, clause, context):
+    for leader, touch in _draw_leaders(a, b, clause, context):
         for _ in range(_FOLLOWERS):
             kind = "near" if clause.high <= _IN_TIME else "in time"
             gap, braking = (float(context.rng.uniform(*each[kind])) for each in (_GAPS, _STOPPING))
@@ -212,7 +214,7 @@ def schedule_stops_behind(
 
 
 def _draw_leaders(
-    b: ScheduledAgent, clause: PairClause, context: SolverContext
+    a: ScheduledAgent, b: ScheduledAgent, clause: PairClause, context: SolverContext
 ) -> Iterator[tuple[ScheduledAgent, float]]:
     """Draw the leader braking hard to a stop, at several places, and where the follower touches it
     there [m]."""
@@ -223,7 +225,7 @@ def _draw_leaders(
         braking = float(rng.uniform(*_BRAKING))
         lasts = FOR_GOOD if isinstance(clause, Contact) else float(rng.uniform(*_STANDS))
         leader = b.edit(stops=(b.build_stop(s, "brakes", lasts=lasts, braking=braking),))
-        touch = context.find_touch(clause, s)
+        touch = find_touch(a.candidate, b.candidate, s)
         if _find_onset(leader) < _LEAST_DRIVE:
             continue
         if not HARD[0] <= find_hardest_braking(leader) <= HARD[1]:
@@ -256,14 +258,11 @@ def _find_onset(of: ScheduledAgent) -> float:
 def _is_behind(follower: ScheduledAgent, leader: ScheduledAgent, delta: float, seen: float) -> bool:
     """Return whether the follower drives clear of the leader when that begins to brake."""
     at = _find_onset(leader)
-    here, there = (
-        float(of.motion.compute_positions(np.array([time]))[0])
-        for of, time in ((follower, at + delta), (leader, at))
-    )
     if at + delta < seen:
         return False
+    x, y, _ = follower.get_pose_at(follower.enters + at + delta)
+    u, v, _ = leader.get_pose_at(leader.enters + at)
     room = (follower.candidate.shape.length + leader.candidate.shape.length) / 2
-    (x, y, _), (u, v, _) = follower.get_pose(here), leader.get_pose(there)
     gap = float(np.hypot(u - x, v - y)) - room
     return gap >= _LEAST_HEADWAY * follower.motion.find_speed_at(at + delta)
 
@@ -283,7 +282,8 @@ def _place(
     free, b = schedule.place(clause, follower, leader, delta)
     until = b.stops[-1].until + float(context.rng.uniform(*_LAG))
     a = free.edit(stops=(replace(free.stops[-1], until=until),))
-    near = compute_path_ttc(context.find_path_conflict(clause), a, b, horizon=clause.high + 1.5)
+    nodes = find_contact_nodes(a.candidate, b.candidate)
+    near = compute_path_ttc(nodes, a, b, horizon=clause.high + 1.5)
     off = compute_excess(clause.low, clause.high, near.least)
     if off > 0.0:
         asked = (clause.low + clause.high) / 2
@@ -312,8 +312,8 @@ def schedule_headways(
     if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
         close = replace(a.candidate, time_law=b.candidate.time_law)
         a = ScheduledAgent.build_unplaced(close, a.landmarks)
-    pair = context.find_path_conflict(clause)
-    meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
+    nodes = find_contact_nodes(a.candidate, b.candidate)
+    meetings = find_conflict_intervals(nodes, a.free, b.free)
     if not len(meetings):
         words = f"{clause.first} and {clause.second} never share a lane"
         context.note_miss(clause, FailureStage.PATHS, words)
@@ -334,20 +334,19 @@ def schedule_headways(
             context.note_miss(clause, FailureStage.MEASURE, words, off=off)
             continue
         if placed_a.contact is None:
-            placed_a = _queue_behind(clause, placed_a, placed_b, context)
+            placed_a = _queue_behind(placed_a, placed_b, context.rng)
         begins = max(placed_a.enters, placed_b.enters)
         if not _follows(placed_a, placed_b, least=least):
             words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
         time = begins + 4.0
-        event = ScheduledEvent(clause, time, begins, time, time, get_point(placed_a, time))
+        place = placed_a.get_pose_at(time)[:2]
+        event = ScheduledEvent(clause, time, begins, time, time, place)
         yield schedule.add_event(event, placed_a, placed_b)
 
 
-def _queue_behind(
-    clause: Headway, a: ScheduledAgent, b: ScheduledAgent, context: SolverContext
-) -> ScheduledAgent:
+def _queue_behind(a: ScheduledAgent, b: ScheduledAgent, rng: np.random.Generator) -> ScheduledAgent:
     """Return the follower with a stop behind every one of its leader's, its wreck included."""
     stands = [(stop.s, stop.start, stop.until) for stop in b.stops]
     if b.contact is not None:
@@ -356,13 +355,13 @@ def _queue_behind(
         stands.append((last, b.contact, b.contact + FOR_GOOD))
     stops = list(a.stops)
     for s, start, until in stands:
-        touch = context.find_touch(clause, s)
+        touch = find_touch(a.candidate, b.candidate, s)
         if touch is None:
             continue
-        behind = touch - float(context.rng.uniform(1.8, 3.0))
+        behind = touch - float(rng.uniform(1.8, 3.0))
         behind = a.landmarks.move_off_crosswalks(behind)
         if behind > 2.0 and all(abs(stop.s - behind) > 1.0 for stop in stops):
-            lag = float(context.rng.uniform(0.7, 1.3))
+            lag = float(rng.uniform(0.7, 1.3))
             stops.append(Stop("queue", behind, start, until + lag, "queue"))
     if len(stops) == len(a.stops):
         return a
@@ -374,8 +373,7 @@ def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
     times = get_shared_times(a, b)
     if times is None:
         return False
-    ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
-    gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
+    gap = compute_bumper_gaps(a, b, times)
     speed = np.maximum(np.interp(times - a.enters, a.motion.clock, a.motion.speed), 0.5)
     fits = (gap / speed > least) & (gap / speed < 3.4)
     return bool((np.convolve(fits, np.ones(36)) > 35.5).any())

@@ -38,10 +38,14 @@ from scenewright.scene.constraints import (
 from scenewright.scene.kinds import has_trait
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.contact import schedule_contacts
-from scenewright.tools.solver.context import APART, SolverContext, find_contact_nodes
+from scenewright.tools.solver.context import (
+    APART,
+    SolverContext,
+    find_contact_nodes,
+    find_meetings,
+)
 from scenewright.tools.solver.following import schedule_headways, schedule_stops_behind
 from scenewright.tools.solver.hard_braking import schedule_hard_braking
-from scenewright.tools.solver.path_conflict import find_conflict_intervals
 from scenewright.tools.solver.reservation import find_blocked_offsets
 from scenewright.tools.solver.scheduled_agent import (
     PartialSchedule,
@@ -236,13 +240,13 @@ def passes_first(first: ScheduledAgent, second: ScheduledAgent) -> bool:
 
     Where the two collide: whether it is clearly earlier where they could first touch.
     """
-    pair = find_contact_nodes(first.candidate, second.candidate)
     if first.contact is not None and first.contact == second.contact:
+        pair = find_contact_nodes(first.candidate, second.candidate)
         if not len(pair.i):
             return False
         early = first.enters + first.motion.find_time_at(float(pair.s_a[pair.i].min()))
         late = second.enters + second.motion.find_time_at(float(pair.s_b[pair.j].min()))
         return bool(early + _CLEARLY <= late)
-    meetings = find_conflict_intervals(pair, first.motion, second.motion, c=0.0, exact=True)
+    meetings = find_meetings(first, second)
     delta = second.enters - first.enters
     return bool(len(meetings) and delta >= meetings[:, 1].max())

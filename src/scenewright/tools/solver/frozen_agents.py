@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenewright.geometry.landmarks import Landmarks, find_landmarks
+from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
-from scenewright.scene.candidates import Candidate, CandidateSet
+from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram, PairClause
 from scenewright.scene.frozen_agents import FrozenAgents, without_edits
 from scenewright.scene.selection import SelectedAgent, Selection
@@ -37,11 +37,7 @@ from scenewright.tools.solver.scheduled_agent import (
     find_needed_end,
     get_pair,
 )
-from scenewright.tools.solver.search import (
-    MAX_SECONDS,
-    Search,
-    TimedSchedule,
-)
+from scenewright.tools.solver.search import MAX_SECONDS, Search, TimedSchedule
 
 _SAME_WAY = 4
 """How often the candidates of the earlier version are tried before others."""
@@ -82,12 +78,11 @@ class FrozenAgentsSearch(Search):
         settled = {
             n: a for n, a in stay.items() if n in foreground and self._leads.get(n, n) in stay
         }
-        self._settled = {
-            name: rebuild_agent(a, self._compute_landmarks(a.candidate))
-            for name, a in settled.items()
-        }
-        self._on_stage = {name: self._settled[name] for name in acting & self._settled.keys()}
-        self._stays: dict[str, SelectedAgent] = {}
+        self._settled = {name: rebuild_agent(a, map_areas) for name, a in settled.items()}
+        self._first_schedule = PartialSchedule(
+            {name: self._settled[name] for name in acting & self._settled.keys()}
+        )
+        self._stays: dict[str, ScheduledAgent] = {}
         # An agent that came from a red light does so again if the lights allow it, and no other
         # one.
         for name, agent in frozen.known.items():
@@ -96,9 +91,6 @@ class FrozenAgentsSearch(Search):
     def _needs_scheduling(self, clause: PairClause) -> bool:
         """Return whether the clause is to be scheduled: one of the two is not fixed."""
         return not set(get_pair(clause)) <= self._pins.fixed.keys()
-
-    def _compute_landmarks(self, candidate: Candidate) -> Landmarks:
-        return find_landmarks(candidate, map_areas=self._ground)
 
     def _find_survivor(self) -> Selection | None:
         """Find the first survivor; few are tried around fixed agents, as more may move after
@@ -114,12 +106,9 @@ class FrozenAgentsSearch(Search):
             return super()._list_tuples()
         return itertools.chain(itertools.repeat(first, _SAME_WAY), super()._list_tuples())
 
-    def _build_first_schedule(self) -> PartialSchedule:
-        return PartialSchedule(self._on_stage)
-
     def _shift_to_scene_time(self, schedule: PartialSchedule) -> PartialSchedule | None:
         """Shift the schedule to scene time, with all fixed foreground agents."""
-        if schedule.events and not self._on_stage:
+        if schedule.events and not self._first_schedule.actors:
             moved = self._shift_near_earlier(schedule)
             if moved is None:
                 self._failures["the signal programme allows no such moment"] += 1
@@ -173,8 +162,9 @@ class FrozenAgentsSearch(Search):
     def _assign_background(self, timed: TimedSchedule) -> Assignment | str:
         """Keep fixed agents where they were and assign the others around them."""
         actors = timed.schedule.actors
-        self._stays, standing = self._list_staying(timed)
-        fixed = [actor.cut_after(timed.duration) for actor in (*actors.values(), *standing)]
+        self._stays = self._find_staying(timed)
+        both = (*actors.values(), *self._stays.values())
+        fixed = [actor.cut_after(timed.duration) for actor in both]
         wanted = dict(self._pool.background)
         for name in self._stays:
             wanted[self._pool.agents[name].route.type] -= 1
@@ -184,38 +174,31 @@ class FrozenAgentsSearch(Search):
         agents = self._list_background(timed, names)
         return assign_in_turn(agents, fixed, wanted)
 
-    def _list_staying(
-        self, timed: TimedSchedule
-    ) -> tuple[dict[str, SelectedAgent], list[ScheduledAgent]]:
-        """List background agents that are in no new agent's way."""
+    def _find_staying(self, timed: TimedSchedule) -> dict[str, ScheduledAgent]:
+        """Find the background agents, by name, that are in no new agent's way."""
         longer = timed.duration > self._pins.earlier.duration
         new = [a for n, a in timed.schedule.actors.items() if longer or n not in self._pins.same]
         present = ReservationTable(actor.cut_after(timed.duration) for actor in new)
-        stays: dict[str, SelectedAgent] = {}
-        standing: list[ScheduledAgent] = []
+        stays: dict[str, ScheduledAgent] = {}
         for name, agent in self._pins.fixed.items():
             if name in self._settled or name not in self._pool.agents:
                 continue
             if is_in_way(agent.candidate, timed.objects):
                 continue
-            actor = rebuild_agent(agent, self._compute_landmarks(agent.candidate))
+            actor = rebuild_agent(agent, self._ground)
             if present.is_free(actor.cut_after(timed.duration), foreground=False):
-                stays[name] = agent
-                standing.append(actor)
+                stays[name] = actor
                 if longer or name not in self._pins.same:
                     present.add(actor.cut_after(timed.duration), foreground=False)
-        return stays, standing
+        return stays
 
     def _build_selection(
         self, timed: TimedSchedule, choice: dict[str, int], assignment: Assignment
     ) -> Selection:
         """Build the selection in which the fixed agents are unchanged."""
-        chosen = dict(assignment)
-        for name, agent in self._stays.items():
-            actor = rebuild_agent(agent, self._compute_landmarks(agent.candidate))
-            chosen[name] = PlacedAgent(actor, 0)
+        staying = {name: PlacedAgent(actor, 0) for name, actor in self._stays.items()}
         index = dict.fromkeys(timed.schedule.actors, 0) | choice
-        found = super()._build_selection(timed, index, chosen)
+        found = super()._build_selection(timed, index, {**assignment, **staying})
         stay = {
             name: agent
             for name, agent in self._pins.fixed.items()
@@ -227,8 +210,9 @@ class FrozenAgentsSearch(Search):
         return replace(found, agents=agents, events=(*kept, *found.events))
 
 
-def rebuild_agent(agent: SelectedAgent, landmarks: Landmarks) -> ScheduledAgent:
+def rebuild_agent(agent: SelectedAgent, map_areas: MapAreas) -> ScheduledAgent:
     """Rebuild a selected agent, placed in time as it was."""
+    landmarks = find_landmarks(agent.candidate, map_areas=map_areas)
     actor = ScheduledAgent.build_unplaced(agent.candidate, landmarks).shift(agent.enters)
     if lights := without_edits(agent).stops:
         actor = actor.hold_at_lights(lights)

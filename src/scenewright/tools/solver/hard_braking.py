@@ -8,7 +8,7 @@ perceptible decides how low the path TTC falls.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 
 import numpy as np
@@ -22,7 +22,13 @@ from scenewright.scene.reaction_behavior import (
 )
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.conflicts import Conflict, ConflictSampler, Draw, Response
-from scenewright.tools.solver.context import FailureStage, SolverContext, compute_excess
+from scenewright.tools.solver.context import (
+    FailureStage,
+    SolverContext,
+    compute_excess,
+    find_contact_nodes,
+    find_meetings,
+)
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.path_conflict import Intervals, PathConflict, compute_gap
 from scenewright.tools.solver.path_ttc import PathTtc, compute_path_ttc
@@ -70,11 +76,10 @@ def schedule_hard_braking(
     """List every schedule (lazily) in which the first brakes for the second at the TTC asked
     for."""
     a, b = context.get_pair(clause, schedule)
-    zone = find_conflict_zone(clause, a, b, context)
+    zone = find_conflict_zone(a.candidate, b.candidate)
     pet, asked = context.get_requested_pet(clause), (clause.low + clause.high) / 2
     if not len(zone.i):
-        words = f"the paths of {clause.first} and {clause.second} never touch"
-        context.note_miss(clause, FailureStage.PATHS, words)
+        context.note_paths_apart(clause)
         return
     if a.contact is not None or b.contact is not None or a.slowings:
         words = f"one of {clause.first} and {clause.second} has crashed or braked hard before"
@@ -86,11 +91,11 @@ def schedule_hard_braking(
         words = f"a path TTC of {asked:g} s: the way of {clause.first} begins too late for it"
         context.note_miss(clause, FailureStage.PATHS, words)
         return
-    judge = _Judge(clause, schedule, context, zone, pet)
-    meetings = context.find_meeting_intervals(clause, a, b)
-    draws = _list_draws(clause, schedule, context, b, meetings, usual)
+    draws = _list_draws(clause, schedule, context, b, find_meetings(a, b), usual)
     pets = (0.0, _LONGEST_PET) if pet is None else (pet.low, pet.high)
-    sampler = ConflictSampler(clause, schedule, context, (a, b), judge.judge, pets, second=0)
+    sampler = _HardBrakingSampler(
+        clause, schedule, context, (a, b), pets, second=0, zone=zone, pet=pet
+    )
     yield from islice(sampler.sample(draws), _MOST)
 
 
@@ -132,19 +137,17 @@ def _list_draws(
             yield Draw(float(rng.uniform(low, high)), ((brakes,), answer))
 
 
-@dataclass(frozen=True)
-class _Judge:
-    """Whether the first brakes hard for the second as the clause asks.
+@dataclass(eq=False)
+class _HardBrakingSampler(ConflictSampler):
+    """Samples conflicts in which the first brakes hard for the second as the clause asks.
 
     Attributes:
-        pet: the PET asked for besides.
+        zone: the conflict zone of the two; pet: the PET asked for besides.
     """
 
     clause: BrakesFor
-    schedule: PartialSchedule
-    context: SolverContext
-    zone: PathConflict
-    pet: TimeGap | None
+    zone: PathConflict = field(kw_only=True)
+    pet: TimeGap | None = field(kw_only=True)
 
     def judge(self, conflict: Conflict) -> PartialSchedule | None:
         """Return the schedule with the near miss; None if it is not as asked."""
@@ -159,8 +162,8 @@ class _Judge:
             words = f"{self.clause.first} has been braking on this movement, so none is sudden"
             self.note_miss(FailureStage.KIND, words)
             return None
-        paths = self.context.find_evaded_conflict(self.clause, a, b)
-        near = compute_path_ttc(paths, a, b, horizon=self.clause.high + _BEYOND)
+        nodes = find_contact_nodes(a.candidate, b.candidate)
+        near = compute_path_ttc(nodes, a, b, horizon=self.clause.high + _BEYOND)
         if not (self.accepts_ttc(near.least) and self.is_near_miss(a, b, near)):
             return None
         clearance, time, place = find_least_clearance(a, b)
@@ -181,8 +184,7 @@ class _Judge:
 
     def is_near_miss(self, a: ScheduledAgent, b: ScheduledAgent, near: PathTtc) -> bool:
         """Return whether the PET is as asked, or it or the TTC while braking is small."""
-        meetings = self.context.find_evaded_meetings(self.clause, a, b)
-        pet = compute_gap(meetings, b.enters - a.enters)
+        pet = compute_gap(find_meetings(a, b), b.enters - a.enters)
         off = 0.0 if self.pet is None else compute_excess(self.pet.low, self.pet.high, pet)
         if self.pet is not None and off > _SLACK:
             words = f"a PET of {self.pet.low:g} to {self.pet.high:g} s: the nearest is {pet:.1f} s"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -60,6 +61,11 @@ class FirstContact:
     time: float
     left_hand: bool
 
+    @property
+    def pair(self) -> tuple[ScheduledAgent, ScheduledAgent]:
+        """The two."""
+        return self.first, self.second
+
     @cached_property
     def _around(self) -> tuple[FloatArray, FloatArray]:
         """[3, 3] poses of either 0.05 s before, at and after the contact."""
@@ -70,7 +76,7 @@ class FirstContact:
     def _spot(self) -> FloatArray:
         """[2] the middle of the contact: mean of outline points of either that lie in the other."""
         (_, a, _), (_, b, _) = self._around
-        halves = (get_half_sides(each.candidate.shape) for each in (self.first, self.second))
+        halves = (get_half_sides(agent.candidate.shape) for agent in self.pair)
         place, count = _add_up_touching(a, b, *halves)
         return place / count if count else (a[:2] + b[:2]) / 2
 
@@ -90,19 +96,18 @@ class FirstContact:
     @cached_property
     def kind(self) -> CollisionKind | None:
         """None where it is none, or another one if measured a little apart."""
-        pair = (self.first, self.second)
-        on_wheels = [of.candidate.shape.type != "pedestrian" for of in pair]
+        on_wheels = [agent.candidate.shape.type != "pedestrian" for agent in self.pair]
         driven = [v for v, wheels in zip(self._speeds, on_wheels, strict=True) if wheels]
         if len(driven) < 2:
             return "pedestrian_strike" if driven and driven[0] >= _STRIKES else None
         at = [poses[1] for poses in self._around]
         turned = abs(float(np.angle(np.exp(1j * (at[0][2] - at[1][2])))))
         sign = -1.0 if self.left_hand else 1.0
-        left = max(_compute_left_turn(actor, self.time, sign) for actor in pair)
+        left = max(_compute_left_turn(actor, self.time, sign) for actor in self.pair)
         ends = [
             [
                 _find_end(pose, of, self._spot, _BUMPER + more)
-                for pose, of in zip(at, pair, strict=True)
+                for pose, of in zip(at, self.pair, strict=True)
             ]
             for more in (-_UNSURE_DEPTH, _UNSURE_DEPTH)
         ]
@@ -139,8 +144,8 @@ class FirstContact:
         if still[0] != still[1]:
             return still[1]
         front = [
-            _locate(poses[1], self._spot)[0] >= of.candidate.shape.length / 2 - _BUMPER
-            for poses, of in zip(self._around, (self.first, self.second), strict=True)
+            locate(poses[1], self._spot)[0] >= of.candidate.shape.length / 2 - _BUMPER
+            for poses, of in zip(self._around, self.pair, strict=True)
         ]
         return front[0] if front[0] != front[1] else speeds[0] > speeds[1]
 
@@ -193,7 +198,7 @@ def _list_certain_points(
     shape = actor.candidate.shape
     if shape.type == "pedestrian":
         return ()
-    along, across = _locate(pose, spot)
+    along, across = locate(pose, spot)
     along = float(np.clip(along, -shape.length / 2, shape.length / 2))
     across = float(np.clip(across, -shape.width / 2, shape.width / 2))
     around = [
@@ -236,7 +241,7 @@ def _name_kind(turned: float, left: float, ends: list[str]) -> CollisionKind:
 
 def _find_end(pose: FloatArray, of: ScheduledAgent, spot: FloatArray, depth: float) -> str:
     """Find the end of a vehicle within which, to that depth [m], a place lies; else `side`."""
-    along, _ = _locate(pose, spot)
+    along, _ = locate(pose, spot)
     if abs(along) < of.candidate.shape.length / 2 - depth:
         return "side"
     return "front" if along > 0 else "rear"
@@ -245,23 +250,26 @@ def _find_end(pose: FloatArray, of: ScheduledAgent, spot: FloatArray, depth: flo
 def _compute_left_turn(actor: ScheduledAgent, time: float, sign: float) -> float:
     """Compute its left turn (right, if the sign is negative) over its last 30 m [rad]."""
     path = actor.candidate.path
-    s = float(actor.motion.compute_positions(np.array([time - actor.enters]))[0])
+    s = actor.find_place(time)
     recent = (path.s <= s) & (path.s >= s - 30.0)
     heading = sign * path.heading[recent]
     return float(heading[-1] - heading.min()) if len(heading) else 0.0
 
 
 def _find_side(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> str:
-    along, across = _locate(pose, spot)
+    along, across = locate(pose, spot)
     shape = actor.candidate.shape
     if abs(along / (shape.length / 2)) < abs(across / (shape.width / 2)):
         return "side"
     return "front" if along > 0 else "rear"
 
 
-def _locate(pose: FloatArray, spot: FloatArray) -> tuple[float, float]:
-    """Locate a place along and across (left) from a pose [m]."""
-    (dx, dy), cos, sin = spot - pose[:2], np.cos(pose[2]), np.sin(pose[2])
+def locate(
+    pose: FloatArray | Sequence[float], spot: FloatArray | Sequence[float]
+) -> tuple[float, float]:
+    """Locate a place (x, y) along and across (to the left) from a pose (x, y, heading) [m]."""
+    dx, dy = spot[0] - pose[0], spot[1] - pose[1]
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
     return float(dx * cos + dy * sin), float(dy * cos - dx * sin)
 
 

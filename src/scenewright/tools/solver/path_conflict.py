@@ -241,7 +241,7 @@ def compute_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shap
 
 
 def find_conflict_intervals(
-    pair: PathConflict, a: Motion, b: Motion, *, c: float, exact: bool = False
+    pair: PathConflict, a: Motion, b: Motion, *, c: float = 0.0, exact: bool = True
 ) -> Intervals:
     """Find C(c) as disjoint intervals of delta = o_b - o_a [s].
 

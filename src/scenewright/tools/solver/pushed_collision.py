@@ -16,7 +16,7 @@ from scenewright.scene.constraints import Contact
 from scenewright.scene.selection import Push
 from scenewright.scene.track import VEHICLE_MASSES
 from scenewright.tools.solver.context import QUEUED_BEHIND, FailureStage, SolverContext
-from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.impact import FirstContact, locate
 from scenewright.tools.solver.scheduled_agent import PartialSchedule, ScheduledAgent, ScheduledEvent
 
 _TRIES = 6
@@ -40,7 +40,7 @@ def schedule_pushed_collisions(
     clause: Contact, schedule: PartialSchedule, context: SolverContext
 ) -> Iterator[PartialSchedule]:
     """List schedules in which `first`, struck before, is pushed into `second` ahead of it."""
-    struck = _find_strike(clause.first, schedule)
+    struck = _find_strike(clause.first, schedule, context)
     if struck is None or clause.second in schedule.actors:
         words = f"{clause.first} is not struck from behind while it stands behind {clause.second}"
         context.note_miss(clause, FailureStage.PATHS, words)
@@ -51,8 +51,8 @@ def schedule_pushed_collisions(
             words = f"{clause.second} does not stand in the lane of {clause.first}, ahead of it"
             context.note_miss(clause, FailureStage.PATHS, words)
             return
-        pushed, ahead = _push(clause, schedule, struck, context), placed
-        found = find_first_contact(pushed, ahead, left_hand=context.left_hand)
+        pushed, ahead = _push(struck, context.rng), placed
+        found = context.find_first_contact(pushed, ahead)
         if (
             found is None
             or found.kind != "rear_end"
@@ -68,12 +68,14 @@ def schedule_pushed_collisions(
         yield schedule.add_event(event, pushed.end_at(time), ahead.end_at(time))
 
 
-def _find_strike(name: str, schedule: PartialSchedule) -> FirstContact | None:
+def _find_strike(
+    name: str, schedule: PartialSchedule, context: SolverContext
+) -> FirstContact | None:
     """Find the contact in which the agent was struck from behind; None if it was not."""
     for event in schedule.events:
         clause = event.clause
         if isinstance(clause, Contact) and clause.second == name and clause.kind == "rear_end":
-            return find_first_contact(schedule.actors[clause.first], schedule.actors[name])
+            return context.find_first_contact(schedule.actors[clause.first], schedule.actors[name])
     return None
 
 
@@ -106,24 +108,15 @@ def _find_place_ahead(
     near = int(np.argmin(np.hypot(*(path.xy - aim).T)))
     turned = abs(float(np.angle(np.exp(1j * (path.heading[near] - heading)))))
     place = float(path.s[near])
-    off = np.array(free.get_pose(place)[:2]) - aim
-    across = abs(float(-off[0] * np.sin(heading) + off[1] * np.cos(heading)))
-    if across > _BESIDE or turned > _TURNED:
-        return None
-    along = float(off[0] * np.cos(heading) + off[1] * np.sin(heading))
-    return place - along
+    along, across = locate((*aim, heading), free.get_pose(place))
+    return None if abs(across) > _BESIDE or turned > _TURNED else place - along
 
 
-def _push(
-    clause: Contact, schedule: PartialSchedule, struck: FirstContact, context: SolverContext
-) -> ScheduledAgent:
-    """Return `first` standing until it is struck, and pushed on from then."""
-    agent = schedule.actors[clause.first]
-    striker = next(e.clause.first for e in schedule.events if e.clause.second == clause.first)
-    restitution = float(context.rng.uniform(*_RESTITUTION))
-    pair = (context.candidates[name] for name in (striker, clause.first))
-    one, two = (VEHICLE_MASSES[each.subtype or "car"] for each in pair)  # [kg]
-    speed = one * struck.speed * (1.0 + restitution) / (one + two)
+def _push(struck: FirstContact, rng: np.random.Generator) -> ScheduledAgent:
+    """Return the agent that is struck standing until then, and pushed on from then."""
+    agent, restitution = struck.second, float(rng.uniform(*_RESTITUTION))
+    striker, own = (VEHICLE_MASSES[each.candidate.subtype or "car"] for each in struck.pair)
+    speed = striker * struck.speed * (1.0 + restitution) / (striker + own)
     *before, stop = agent.stops
     standing = agent.edit(stops=(*before, replace(stop, until=struck.time)))
-    return standing.push_on(Push(struck.time, speed, float(context.rng.uniform(*_BRAKING))))
+    return standing.push_on(Push(struck.time, speed, float(rng.uniform(*_BRAKING))))

@@ -24,6 +24,7 @@ from scenewright.scene.reaction_behavior import (
 )
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
+from scenewright.tools.solver.impact import locate
 from scenewright.tools.solver.path_conflict import PathConflict
 from scenewright.tools.solver.path_ttc import compute_path_ttc
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
@@ -113,8 +114,7 @@ def sees(of: ScheduledAgent, other: ScheduledAgent, time: float) -> bool:
     """Return whether the other is not behind it at a time [s]; pedestrians look all around."""
     if of.candidate.shape.type == "pedestrian":
         return True
-    at = np.array([time])
-    (x, y, heading), (u, v, _) = of.get_poses(at)[0].tolist(), other.get_poses(at)[0].tolist()
+    (x, y, heading), (u, v, _) = of.get_pose_at(time), other.get_pose_at(time)
     bearing = np.arctan2(v - y, u - x) - heading
     return bool(abs(np.angle(np.exp(1j * bearing))) < _BEHIND)
 
@@ -126,7 +126,7 @@ def slow_down(
 
     None where it is hardly faster than that then.
     """
-    s, before = _find_state(of, onset + _SMOOTHED)
+    s, before = of.find_place(onset + _SMOOTHED), of.find_speed(onset + _SMOOTHED)
     if before - speed < _LEAST_TIME * braking:
         return None
     at = s + (before**2 - speed**2) / (2.0 * braking)
@@ -138,7 +138,7 @@ def run_on(
     of: ScheduledAgent, *, onset: float, acceleration: float, until: float
 ) -> ScheduledAgent | None:
     """Make the pedestrian run from a moment [s] on, up to an arc length [m]; None if it stands."""
-    s, before = _find_state(of, onset + _SMOOTHED)
+    s, before = of.find_place(onset + _SMOOTHED), of.find_speed(onset + _SMOOTHED)
     if before < 0.6 or before > _RUNS - 0.4 or until - s < 0.5:
         return None
     law = of.candidate.time_law
@@ -167,23 +167,6 @@ def find_usual_braking(of: ScheduledAgent, begin: float, onset: float) -> float:
     rate = of.motion.acceleration
     at = [min(max(round((time - of.enters) / STEP), 0), len(rate) - 1) for time in (begin, onset)]
     return max(-float(rate[at].min()), 0.0)
-
-
-def find_speed(of: ScheduledAgent, time: float) -> float:
-    """Find its speed [m/s] at a scene time."""
-    return _find_state(of, time)[1]
-
-
-def find_place(of: ScheduledAgent, time: float) -> float:
-    """Find its arc length [m] at a scene time."""
-    return _find_state(of, time)[0]
-
-
-def _find_state(of: ScheduledAgent, time: float) -> tuple[float, float]:
-    """Find arc length [m] and speed [m/s] at a scene time."""
-    local = time - of.enters
-    place = float(np.interp(local, of.motion.clock, of.motion.s))
-    return place, of.motion.find_speed_at(local)
 
 
 _MOVES_OVER = 1.15
@@ -216,8 +199,7 @@ def swerve(
     Returns:
         None where there is no way left for it.
     """
-    here = float(of.motion.compute_positions(np.array([onset - of.enters]))[0])
-    over = max(_MOVES_OVER * of.motion.find_speed_at(onset - of.enters), _SHORTEST)
+    here, over = of.find_place(onset), max(_MOVES_OVER * of.find_speed(onset), _SHORTEST)
     if there < here + over:
         return None
     path = of.candidate.path
@@ -242,11 +224,9 @@ def swerve_away(
     Args:
         of: it without its reaction; by: how far [m]; onset, meets: [s].
     """
-    x, y, heading = of.get_poses(np.array([meets]))[0].tolist()
-    u, v, _ = other.get_poses(np.array([meets]))[0].tolist()
-    left = (v - y) * np.cos(heading) - (u - x) * np.sin(heading) > 0.0
-    there = float(of.motion.compute_positions(np.array([meets - of.enters]))[0])
-    return swerve(changed, onset=onset, there=there, aside=-by if left else by)
+    _, left = locate(of.get_pose_at(meets), other.get_pose_at(meets))
+    aside = -by if left > 0.0 else by
+    return swerve(changed, onset=onset, there=of.find_place(meets), aside=aside)
 
 
 def _rise(share: FloatArray) -> FloatArray:

@@ -150,9 +150,8 @@ class ReservationTable:
     """All agents whose times are settled."""
 
     def __init__(self, actors: Iterable[ScheduledAgent] = (), *, foreground: bool = True) -> None:
-        self._nodes, self._keeping = np.empty((4096, 6)), np.empty((64, _KEEPING))
-        self._ends = np.zeros(65, dtype=np.intp)
-        self._count = 0
+        self._nodes, self._keeping = [np.empty((0, 6))], list[tuple[float, ...]]()
+        self._reservations: Reservations | None = None
         for actor in actors:
             self.add(actor, foreground=foreground)
 
@@ -180,27 +179,23 @@ class ReservationTable:
         to_foreground: SafetyMargin,
         ahead: float = 0.0,
     ) -> None:
-        corridor, begin = get_corridor(actor.candidate), int(self._ends[self._count])
-        nodes = _compute_node_times(corridor.s, corridor.pose, motion.s, motion.ended, actor.enters)
-        if begin + len(nodes) > len(self._nodes):
-            self._nodes = np.concatenate((self._nodes, np.empty_like(self._nodes), nodes))
-        if self._count == len(self._keeping):
-            self._keeping = np.concatenate((self._keeping, np.empty_like(self._keeping)))
-            self._ends = np.concatenate((self._ends, np.zeros_like(self._ends)))
-        self._nodes[begin : begin + len(nodes)] = nodes
-        self._keeping[self._count] = (
+        corridor = get_corridor(actor.candidate)
+        self._nodes.append(
+            _compute_node_times(corridor.s, corridor.pose, motion.s, motion.ended, actor.enters)
+        )
+        self._keeping.append((
             *corridor.half, corridor.reach, corridor.s[1], corridor.walks, to_background.clearance,
             to_background.gap, to_foreground.gap, ahead, to_background is BACKGROUND,
-        )  # fmt: skip
-        self._count += 1
-        self._ends[self._count] = begin + len(nodes)
+        ))  # fmt: skip
+        self._reservations = None
 
     def get_reservations(self) -> Reservations:
-        """Return the reservations of all agents; good until the next is added."""
-        count = self._count
-        return Reservations(
-            self._nodes[: self._ends[count]], self._keeping[:count], self._ends[: count + 1]
-        )
+        """Return the reservations of all agents."""
+        if self._reservations is None:
+            keeping = np.array(self._keeping, dtype=np.float64).reshape(-1, _KEEPING)
+            ends = np.cumsum([len(nodes) for nodes in self._nodes], dtype=np.intp)
+            self._reservations = Reservations(np.concatenate(self._nodes), keeping, ends)
+        return self._reservations
 
     def is_free(self, actor: ScheduledAgent, *, foreground: bool) -> bool:
         """Return whether an agent would meet no other at its own scene times."""

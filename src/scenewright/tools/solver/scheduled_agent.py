@@ -62,6 +62,19 @@ class ScheduledAgent:
         x, y, heading = sample_poses(self.candidate.path, np.array([s]))[0].tolist()
         return x, y, heading
 
+    def get_pose_at(self, time: float) -> tuple[float, float, float]:
+        """Return (x, y, heading) at a scene time [s]."""
+        x, y, heading = self.get_poses(np.array([time]))[0].tolist()
+        return x, y, heading
+
+    def find_place(self, time: float) -> float:
+        """Find its arc length [m] at a scene time [s]."""
+        return float(np.interp(time - self.enters, self.motion.clock, self.motion.s))
+
+    def find_speed(self, time: float) -> float:
+        """Find its speed [m/s] at a scene time [s]."""
+        return self.motion.find_speed_at(time - self.enters)
+
     @property
     def leaves(self) -> float:
         """Scene time of its last sample [s]."""
@@ -143,6 +156,13 @@ def get_shared_times(a: ScheduledAgent, b: ScheduledAgent) -> FloatArray | None:
     start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
     steps = round((end - start) / STEP)
     return None if steps < 1 else start + STEP * np.arange(steps + 1, dtype=np.float64)
+
+
+def compute_bumper_gaps(a: ScheduledAgent, b: ScheduledAgent, times: FloatArray) -> FloatArray:
+    """Compute distances [N] from the front of one to the rear of the other ahead of it [m]."""
+    ahead = b.get_poses(times)[:, :2] - a.get_poses(times)[:, :2]
+    room = (a.candidate.shape.length + b.candidate.shape.length) / 2
+    return np.asarray(np.hypot(*ahead.T) - room)
 
 
 Pairing = tuple[str, str]
@@ -235,9 +255,3 @@ def find_needed_end(schedule: PartialSchedule) -> float:
 def get_pair(clause: PairClause) -> Pairing:
     """Return the clause's two agents."""
     return clause.first, str(clause.second)
-
-
-def get_point(actor: ScheduledAgent, time: float) -> Point:
-    """Return where the agent is at a scene time [s]."""
-    x, y, _ = actor.get_poses(np.array([time]))[0]
-    return float(x), float(y)

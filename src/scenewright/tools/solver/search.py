@@ -35,6 +35,7 @@ from scenewright.scene.constraints import (
     MinLength,
     Near,
     NoReaction,
+    PairClause,
     PairFigure,
     PassesBeside,
     Reacts,
@@ -177,6 +178,8 @@ class Search:
     """Number of candidates on which a background agent looks for room."""
     _unchanged: frozenset[str] = frozenset()
     """Agents that move as in an earlier version."""
+    _first_schedule = PartialSchedule()
+    """The schedule before anything is placed."""
 
     def __init__(
         self,
@@ -193,66 +196,60 @@ class Search:
         # What several meet stands where the first could meet it.
         self._stands: dict[str, ObjectRecord] = {}
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
-        self._pool, self._ground, self._rng, clauses = pool, map_areas, rng, program.clauses
-
-        def list_agents(*kinds: type[UnaryClause]) -> list[str]:
-            return [c.agent for c in clauses if isinstance(c, kinds)]
-
+        self._pool, self._ground, self._rng = pool, map_areas, rng
+        self._leads = {name: leader for leader, names in pool.groups.items() for name in names}
+        clauses = program.clauses
         self._events = _order_clauses([c for c in clauses if isinstance(c, _Event)])
         self._related = {frozenset(get_pair(c)) for c in self._events}
+        self._parts = join_names((), map(get_pair, self._events))
         self._near = tuple(c for c in clauses if isinstance(c, Near | SameLane))
         self._before = tuple(c for c in clauses if isinstance(c, Before))
         self._strikers = frozenset(get_pair(c) for c in clauses if isinstance(c, Strikes))
         self._unary = [c for c in clauses if isinstance(c, UnaryClause)]
+        self._violators = set(_list_agents(clauses, RunsRed))
+        self._at_yellow = set(_list_agents(clauses, RunsYellow))
+        self._at_lights = self._violators | self._at_yellow
+        self._reactions = _build_reaction_requests(clauses, objects)
         self._figures = tuple(c for c in clauses if isinstance(c, AgentFigure | PairFigure))
         pairs = [c for c in self._figures if isinstance(c, PairFigure)]
-        self._measured = {name for c in pairs for name in (c.first, c.second)}.union(
-            list_agents(AgentFigure, SpeedBetween)
-        )
         self._times = [c for c in pairs if c.clause == "time"]
-        self._least_off: dict[AgentFigure | PairFigure, float] = {}
-        self._violators, self._at_yellow = {*list_agents(RunsRed)}, {*list_agents(RunsYellow)}
-        self._at_lights = self._violators | self._at_yellow
+        self._measured = {name for c in pairs for name in (c.first, c.second)}.union(
+            _list_agents(clauses, AgentFigure, SpeedBetween)
+        )
         motions = [c for c in clauses if isinstance(c, AgentMotion)]
         self._motions = {c.agent: (c.clause, load_motion(c.clause)) for c in motions}
         draws = dict.fromkeys(kind.draw for _, kind in self._motions.values() if kind.draw)
         self._drawn = {draw: draw(rng) for draw in draws}
-        pushes = [c for c in self._events if isinstance(c, Contact) and _is_pushed(c)]
-        struck = {c.first for c in pushes}
-        self._chained = struck | {str(c.second) for c in pushes}
-        self._chained |= {c.first for c in self._events if c.second in struck}
-        self._red_first = dict.fromkeys((*list_agents(SpeedBetween), *self._chained), 0.0)
-        bound = [name for c in self._events for name in get_pair(c)]
-        company = {name: kind.company for name, (_, kind) in sorted(self._motions.items())}
-        lone = [name for name, needed in company.items() if needed == "cannot"]
-        either = [name for name, needed in company.items() if needed == "may"]
-        runners = list_agents(RunsRed, RunsYellow)
-        self._bound = list(dict.fromkeys((*bound, *runners, *lone, *self._to_meet, *either)))
-        if busy := sorted({*bound} & {*lone}):
-            fault = "stops at its light or in the junction, so it can do nothing with another agent"
-            raise _reject(busy, f"{busy[0]} {fault}")
-        self._reactions = ReactionRequests(
-            frozenset(list_agents(NoReaction)),
-            {
-                frozenset((str(each.hides), str(each.hidden_from))): each.lead or DEFAULT_LEAD
-                for each in objects
-                if each.hides is not None
-            },
-            {c.agent: c.how for c in clauses if isinstance(c, Reacts)},
-        )
-        self._leads = {name: leader for leader, names in pool.groups.items() for name in names}
-        fault = "so it must also do something with another agent"
-        if idle := sorted(pool.groups.keys() - {*bound}):
-            raise _reject(idle, f"{idle[0]} walks in a group, {fault}")
-        for name in sorted(company.keys() - {*bound}):
-            if company[name] == "must":
-                words = self._motions[name][0].replace("_", " ")
-                raise _reject([name], f"{name} {words}, {fault}")
-        self._parts = join_names((), map(get_pair, self._events))
+        self._chained = _find_chained(self._events)
+        self._red_first = dict.fromkeys((*_list_agents(clauses, SpeedBetween), *self._chained), 0.0)
+        self._bound = self._list_bound(_list_agents(clauses, RunsRed, RunsYellow))
         self._varied: frozenset[str] = frozenset()
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures, self._shortfalls = Counter[str](), NearestMisses()
+        self._least_off: dict[AgentFigure | PairFigure, float] = {}
         self._unseated = self._staged = self._glances = 0
+
+    def _list_bound(self, runners: Sequence[str]) -> list[str]:
+        """List the agents that are scheduled together, once each.
+
+        Raises:
+            Rejected: an agent has to do something with another one and does not, or must not.
+        """
+        related = [name for c in self._events for name in get_pair(c)]
+        company = {name: kind.company for name, (_, kind) in sorted(self._motions.items())}
+        lone = [name for name, needed in company.items() if needed == "cannot"]
+        either = [name for name, needed in company.items() if needed == "may"]
+        if busy := sorted({*related} & {*lone}):
+            fault = "stops at its light or in the junction, so it can do nothing with another agent"
+            raise _reject(busy, f"{busy[0]} {fault}")
+        fault = "so it must also do something with another agent"
+        if idle := sorted(self._pool.groups.keys() - {*related}):
+            raise _reject(idle, f"{idle[0]} walks in a group, {fault}")
+        for name in sorted(company.keys() - {*related}):
+            if company[name] == "must":
+                words = self._motions[name][0].replace("_", " ")
+                raise _reject([name], f"{name} {words}, {fault}")
+        return list(dict.fromkeys((*related, *runners, *lone, *self._to_meet, *either)))
 
     def run(self) -> Selection:
         """Run the search; Rejected where no combination survives, or it takes too many steps."""
@@ -363,13 +360,18 @@ class Search:
             do_lights_allow=lambda schedule: bool(self._find_lawful_offsets(schedule).any()),
         )  # fmt: skip
         stage = ForegroundSolver(context)
-        met = {name: self._get_meeting(name, choice) for name in self._to_meet}
+        met = {
+            name: self._meetings[(name, choice[name])]
+            if name in choice
+            else self._keep_meeting(name, self._pool.agents[name].build(0))
+            for name in self._to_meet
+        }
         self._placer.block_paths(
             {name: each.place for name, each in met.items() if each},
             {name: (each.door, each.opens) for name, each in met.items() if each and each.door},
         )
         before = self._staged
-        scheduled = stage.schedule_all(self._events, self._build_first_schedule())
+        scheduled = stage.schedule_all(self._events, self._first_schedule)
         scheduled = filter(self._turns_come_first, filter(self._runs_come_first, scheduled))
         for schedule in filter(self._is_as_measured, filter(self._is_in_order, scheduled)):
             selection = self._finish(schedule, choice)
@@ -383,70 +385,65 @@ class Search:
             self._failures["; ".join(map(format_clause, self._events))] += 1
         return None
 
-    def _get_meeting(self, name: str, choice: Mapping[str, int]) -> ObjectEncounter | None:
-        """Return how an agent meets its object; a fixed one does so where it did."""
-        if name in choice:
-            return self._meetings[(name, choice[name])]
-        node = self._to_meet[name]
-        place, door = (self._placer.get_kept(each) for each in (node.id, name_door(node.id)))
-        candidate = self._pool.agents[name].build(0)
-        return None if place is None else ObjectEncounter(node, place, candidate, 0.0, door=door)
-
-    def _build_first_schedule(self) -> PartialSchedule:
-        """Build the schedule before anything is placed: empty."""
-        return PartialSchedule()
-
     def _get_candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
         """Return the m-th candidate of an agent; None if a unary clause fails on it."""
         if (name, m) not in self._built:
-            candidate = self._pool.agents[name].build(m)
-            path = self._ground.trim(candidate.path)
-            if path is not candidate.path:
-                candidate = replace(candidate, path=path)
-            if name in self._to_meet:
-                met = self._find_meeting(name, candidate)
-                if met is None:
-                    self._failures[f"{name} meets no {self._to_meet[name].id} on its way"] += 1
-                    self._built[(name, m)] = None
-                    return None
-                self._meetings[(name, m)], candidate = met, met.candidate
-            landmarks = find_landmarks(candidate, map_areas=self._ground)
-            clause, kind = self._motions.get(name, ("", None))
-            fixed = name in self._build_first_schedule().actors
-            if kind is not None and kind.reshape is not None and not fixed:
-                own = self._ground.intersection_map
-                reshaped = kind.reshape(candidate, landmarks, own, self._rng)
-                if reshaped is None:
-                    self._failures[f"{clause}({name}): {kind.fault}"] += 1
-                    self._built[(name, m)] = None
-                    return None
-                candidate, landmarks = reshaped, find_landmarks(reshaped, map_areas=self._ground)
-            refused = [
-                rejection
-                for each in self._unary
-                if each.agent == name
-                and not (kind is not None and kind.shortens and isinstance(each, MinLength))
-                for rejection in check(candidate, each, landmarks=landmarks, map_areas=self._ground)
-            ]
-            self._failures.update(rejection.detail for rejection in refused)
-            self._built[(name, m)] = None if refused else (candidate, landmarks)
+            self._built[(name, m)] = self._build_candidate(name, m)
         return self._built[(name, m)]
+
+    def _build_candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
+        """Build it on the path on which it moves as asked; None if it cannot."""
+        candidate = self._pool.agents[name].build(m)
+        path = self._ground.trim(candidate.path)
+        if path is not candidate.path:
+            candidate = replace(candidate, path=path)
+        if name in self._to_meet:
+            met = self._find_meeting(name, candidate)
+            if met is None:
+                self._failures[f"{name} meets no {self._to_meet[name].id} on its way"] += 1
+                return None
+            self._meetings[(name, m)], candidate = met, met.candidate
+        landmarks = find_landmarks(candidate, map_areas=self._ground)
+        clause, kind = self._motions.get(name, ("", None))
+        if kind is not None and kind.reshape is not None and not self._is_fixed(name):
+            own = self._ground.intersection_map
+            reshaped = kind.reshape(candidate, landmarks, own, self._rng)
+            if reshaped is None:
+                self._failures[f"{clause}({name}): {kind.fault}"] += 1
+                return None
+            candidate, landmarks = reshaped, find_landmarks(reshaped, map_areas=self._ground)
+        shortens = kind is not None and kind.shortens
+        refused = [
+            rejection
+            for each in self._unary
+            if each.agent == name and not (shortens and isinstance(each, MinLength))
+            for rejection in check(candidate, each, landmarks=landmarks, map_areas=self._ground)
+        ]
+        self._failures.update(rejection.detail for rejection in refused)
+        return None if refused else (candidate, landmarks)
+
+    def _is_fixed(self, name: str) -> bool:
+        """Return whether the agent is placed before any clause is scheduled."""
+        return name in self._first_schedule.actors
 
     def _find_meeting(self, name: str, candidate: Candidate) -> ObjectEncounter | None:
         """Find how it meets its object; a fixed agent meets it where it did."""
         node = self._to_meet[name]
-        kept = (
-            self._placer.get_kept(node.id) if name in self._build_first_schedule().actors else None
-        )
+        kept = self._keep_meeting(name, candidate) if self._is_fixed(name) else None
         if kept is not None:
-            door = self._placer.get_kept(name_door(node.id))
-            return ObjectEncounter(node, kept, candidate, 0.0, door=door)
+            return kept
         if node.id in self._stands:
             return meet_at(node, self._stands[node.id], candidate, self._ground, self._rng)
         met = find_meeting(node, candidate, self._ground, self._rng)
         if met is not None and node.others:
             self._stands[node.id] = met.place
         return met
+
+    def _keep_meeting(self, name: str, candidate: Candidate) -> ObjectEncounter | None:
+        """Return how it met its object in an earlier version; None if that was not there."""
+        node = self._to_meet[name]
+        place, door = (self._placer.get_kept(each) for each in (node.id, name_door(node.id)))
+        return None if place is None else ObjectEncounter(node, place, candidate, 0.0, door=door)
 
     def _do_paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
         for clause in self._near:
@@ -879,6 +876,36 @@ def _reject(names: list[str], fault: str) -> Rejected:
         Rejection(
             stage="waypoint_filter", code="malformed_program", agents=tuple(names), detail=fault
         )
+    )
+
+
+def _list_agents(
+    clauses: Iterable[UnaryClause | PairClause], *kinds: type[UnaryClause]
+) -> list[str]:
+    return [c.agent for c in clauses if isinstance(c, kinds)]
+
+
+def _find_chained(events: Iterable[_EventClause]) -> set[str]:
+    """Find the agents of chain collisions, and who strikes the first that is struck in one."""
+    pushes = [c for c in events if isinstance(c, Contact) and _is_pushed(c)]
+    struck = {c.first for c in pushes}
+    return (
+        struck | {str(c.second) for c in pushes} | {c.first for c in events if c.second in struck}
+    )
+
+
+def _build_reaction_requests(
+    clauses: Iterable[UnaryClause | PairClause], objects: Iterable[ObjectNode]
+) -> ReactionRequests:
+    """Build what is asked for of reactions, and who is hidden by objects how long."""
+    return ReactionRequests(
+        frozenset(_list_agents(clauses, NoReaction)),
+        {
+            frozenset((str(each.hides), str(each.hidden_from))): each.lead or DEFAULT_LEAD
+            for each in objects
+            if each.hides is not None
+        },
+        {c.agent: c.how for c in clauses if isinstance(c, Reacts)},
     )
 
 

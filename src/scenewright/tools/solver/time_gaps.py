@@ -8,6 +8,7 @@ is why they miss; the other responds as well. Where none can, their entry times 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -19,11 +20,12 @@ from scenewright.tools.solver.context import (
     FailureStage,
     SolverContext,
     compute_excess,
+    find_meetings,
     is_in_range,
 )
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.path_conflict import Intervals, compute_gap
-from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
+from scenewright.tools.solver.reactions import SEEN_BEFORE
 from scenewright.tools.solver.scheduled_agent import (
     PartialSchedule,
     ScheduledAgent,
@@ -63,7 +65,7 @@ def schedule_time_gaps(
 ) -> Iterator[PartialSchedule]:
     """List every schedule (lazily) in which the PET of the two is as the clause says."""
     a, b = context.get_pair(clause, schedule)
-    meetings = context.find_meeting_intervals(clause, a, b)
+    meetings = find_meetings(a, b)
     if schedule.has_event(clause):
         if _is_pet_in_range(clause, meetings, b.enters - a.enters, context):
             yield schedule
@@ -78,13 +80,8 @@ def schedule_time_gaps(
     ]
     back = any(has_trait("reaction", context.reactions.ways.get(name), "back") for name in names)
     if len(meetings) and able:
-
-        def judge(conflict: Conflict) -> PartialSchedule | None:
-            return _judge(clause, schedule, context, conflict.pair)
-
         draws = _list_draws(clause, context, (a, b), meetings, able, back=back)
-        pets = clause.low, clause.high
-        sampler = ConflictSampler(clause, schedule, context, (a, b), judge, pets)
+        sampler = _NearMissSampler(clause, schedule, context, (a, b), (clause.low, clause.high))
         yield from islice(sampler.sample(draws), _MOST)
         if back or not context.lenient:
             words = "no reaction of either agent brings it about"
@@ -97,8 +94,7 @@ def schedule_time_gaps(
             continue
         yield from _pass(clause, schedule, context, (placed_a, placed_b), (_CLEAR, np.inf))
     if not len(meetings):
-        words = f"the paths of {clause.first} and {clause.second} never touch"
-        context.note_miss(clause, FailureStage.PATHS, words)
+        context.note_paths_apart(clause)
 
 
 def schedule_overtakings(
@@ -189,23 +185,24 @@ def _list_draws(
         yield Draw(float(rng.uniform(low, high)), (ways[0], ways[1]))
 
 
-def _judge(
-    clause: TimeGap, schedule: PartialSchedule, context: SolverContext, pair: Pair
-) -> PartialSchedule | None:
-    """Return the schedule with the near miss; None where the two touch or nothing was
-    perceptible."""
-    clearance, time, place = find_least_clearance(*pair)
-    if clearance <= _CLEAR or schedule.is_too_soon(time, clause):
-        return None
-    conflict = context.find_evaded_conflict(clause, *pair)
-    lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
-    threat = find_threat(conflict, *pair, until=time, lead=lead)
-    alone = not (pair[0].slowings and pair[1].slowings)
-    if threat is None or (alone and threat[1] - threat[0] > _IN_TIME):
-        return None
-    begins = min(time - 4.0, threat[0] - SEEN_BEFORE)
-    event = ScheduledEvent(clause, time, begins, time + 1.0, time + 1.0, place)
-    return schedule.add_event(event, *pair)
+@dataclass(eq=False)
+class _NearMissSampler(ConflictSampler):
+    """Samples conflicts in which the two, responding, pass one another."""
+
+    def judge(self, conflict: Conflict) -> PartialSchedule | None:
+        """Return the schedule with the near miss; None where the two touch or nothing was
+        perceptible as they respond."""
+        pair = conflict.pair
+        clearance, time, place = find_least_clearance(*pair)
+        if clearance <= _CLEAR or self.schedule.is_too_soon(time, self.clause):
+            return None
+        threat = self.context.find_threat(self.clause, *pair, until=time)
+        alone = not (pair[0].slowings and pair[1].slowings)
+        if threat is None or (alone and threat[1] - threat[0] > _IN_TIME):
+            return None
+        begins = min(time - 4.0, threat[0] - SEEN_BEFORE)
+        event = ScheduledEvent(self.clause, time, begins, time + 1.0, time + 1.0, place)
+        return self.schedule.add_event(event, *pair)
 
 
 def _passes_the_pause(of: ScheduledAgent, time: float) -> bool:

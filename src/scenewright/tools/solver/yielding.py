@@ -21,13 +21,13 @@ from scenewright.geometry.driving_profile import (
 )
 from scenewright.geometry.landmarks import STOP_GAP, Landmarks
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import DrivingProfile
-from scenewright.scene.constraints import GivesWay, PairClause, TimeGap
+from scenewright.scene.candidates import Candidate, DrivingProfile
+from scenewright.scene.constraints import GivesWay, TimeGap
 from scenewright.scene.reaction_behavior import YieldingBehavior, sample_quantiles
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.segment_editor import make_stop_command
-from scenewright.tools.solver.context import FailureStage, SolverContext
+from scenewright.tools.solver.context import FailureStage, SolverContext, find_contact_nodes
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.path_conflict import (
     PathConflict,
@@ -38,7 +38,6 @@ from scenewright.tools.solver.scheduled_agent import (
     PartialSchedule,
     ScheduledAgent,
     ScheduledEvent,
-    get_point,
 )
 
 MERGE_METRES = 5.0
@@ -126,10 +125,9 @@ def schedule_yields(
     a, b = context.get_pair(clause, schedule)
     if context.refuse_after_collision(clause, a, b):
         return
-    zone = find_conflict_zone(clause, a, b, context)
+    zone = find_conflict_zone(a.candidate, b.candidate)
     if not len(zone.i):
-        words = f"the paths of {clause.first} and {clause.second} never touch"
-        context.note_miss(clause, FailureStage.PATHS, words)
+        context.note_paths_apart(clause)
         return
     words = f"{clause.first} has no place to wait near where {clause.second} passes"
     context.note_miss(clause, FailureStage.PATHS, words)
@@ -140,12 +138,10 @@ def schedule_yields(
             yield from yields.schedule_held(anchor, hold)
 
 
-def find_conflict_zone(
-    clause: PairClause, a: ScheduledAgent, b: ScheduledAgent, context: SolverContext
-) -> PathConflict:
+def find_conflict_zone(a: Candidate, b: Candidate) -> PathConflict:
     """Find the nodes of the pair's conflict zone."""
-    zone, routes = context.find_path_conflict(clause), (a.candidate.route, b.candidate.route)
-    merge = routes[0].exit == routes[1].exit and "pedestrian" not in [each.type for each in routes]
+    zone = find_contact_nodes(a, b)
+    merge = a.route.exit == b.route.exit and "pedestrian" not in (a.route.type, b.route.type)
     return zone.keep_first_metres(MERGE_METRES) if merge else zone
 
 
@@ -410,7 +406,7 @@ class _Yields:
         """Add the yield to the schedule; `start` is when it is slowest [s]."""
         enters = held.enters + held.motion.find_time_at(self.first)
         begins = min(held.enters + unheld.begins, start) - _BEFORE
-        freed, place = other.enters + self.passage[1], get_point(held, start)
+        freed, place = other.enters + self.passage[1], held.get_pose_at(start)[:2]
         event = ScheduledEvent(self.clause, start, begins, enters, freed, place)
         return self.schedule.add_event(event, held, other)
 
@@ -494,7 +490,7 @@ def hold_at(
 
 
 def _compute_pet(held: ScheduledAgent, other: ScheduledAgent, zone: PathConflict) -> float:
-    meetings = find_conflict_intervals(zone, held.motion, other.motion, c=0.0, exact=True)
+    meetings = find_conflict_intervals(zone, held.motion, other.motion)
     return compute_gap(meetings, other.enters - held.enters)
 
 
