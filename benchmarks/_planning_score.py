@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Any
 
-from scenewright.evals.planning import PlanningShare, Row, does_time_fit
+from scenewright.evals.bootstrap import Figure
+from scenewright.evals.planning import Row, does_time_fit
 
 _SYMMETRIC = frozenset({"collision", "near_miss"})
 _AGENT_FIELDS = ("entry", "exit", "movement", "crosswalk")
@@ -24,8 +25,8 @@ class PlanningScore:
         wrong: id -> names of the fields that were wrong.
     """
 
-    all_fields: PlanningShare
-    fields: Mapping[str, PlanningShare]
+    all_fields: Figure
+    fields: Mapping[str, Figure]
     wrong: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
@@ -46,8 +47,8 @@ def score(rows: Sequence[Row], predictions: Sequence[Row]) -> PlanningScore:
     names = dict.fromkeys(name for verdict in verdicts.values() for name in verdict)
     fields = {name: [v[name] for v in verdicts.values() if name in v] for name in names}
     return PlanningScore(
-        all_fields=PlanningShare(sum(all(v.values()) for v in verdicts.values()), len(verdicts)),
-        fields={name: PlanningShare(sum(known), len(known)) for name, known in fields.items()},
+        all_fields=Figure.of_count(sum(all(v.values()) for v in verdicts.values()), len(verdicts)),
+        fields={name: Figure.of_count(sum(known), len(known)) for name, known in fields.items()},
         wrong={
             key: tuple(name for name, right in verdict.items() if not right)
             for key, verdict in verdicts.items()

@@ -39,7 +39,8 @@ from scenewright.backends import TASKS, Backend, Prompt, Question, load_backend
 from scenewright.backends.text_backend import Completion, TextBackend, compute_key
 from scenewright.cli.plan import ATTEMPTS, build_refusal
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
-from scenewright.evals.planning import PlanningShare, load
+from scenewright.evals.bootstrap import Figure
+from scenewright.evals.planning import load
 from scenewright.graph.arguments import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.nodes.scene_planner import ask_for_plan, describe_routes
@@ -157,13 +158,8 @@ def _make_scene(row: dict[str, Any], backend: Backend) -> str:
     return "as labelled" if right.get("relations") and right.get("agents") else "otherwise"
 
 
-def format_share(share: PlanningShare) -> str:
-    if share.interval is None:
-        return "none"
-    low, high = share.interval
-    return (
-        f"{share.right} of {share.n} ({100 * share.right / share.n:.1f} %) [{low:.3f}, {high:.3f}]"
-    )
+def format_share(share: Figure) -> str:
+    return f"{share.count} of {share.n} ({share:.1%})"
 
 
 def report(name: str, rows: Sequence[dict[str, Any]], backend: Backend) -> None:
@@ -175,11 +171,11 @@ def report(name: str, rows: Sequence[dict[str, Any]], backend: Backend) -> None:
     result = score(labelled, plans)
     print(f"== {name}")
     print(f"planning, every field right: {format_share(result.all_fields)}")
-    print(", ".join(f"{field} {s.right}/{s.n}" for field, s in result.fields.items()))
+    print(", ".join(f"{field} {s.count}/{s.n}" for field, s in result.fields.items()))
     kinds = Counter(each.partition(":")[0] for each in made.values())
-    right = PlanningShare(kinds["as labelled"], len(made))
+    right = Figure.of_count(kinds["as labelled"], len(made))
     print(f"ISR, verified with agents and relations as labelled: {format_share(right)}")
-    verified = PlanningShare(kinds["as labelled"] + kinds["otherwise"], len(made))
+    verified = Figure.of_count(kinds["as labelled"] + kinds["otherwise"], len(made))
     print(f"verified at all: {format_share(verified)}")
     for key, fields in result.wrong.items():
         text = next(row["text"] for row in rows if row["id"] == key)

@@ -26,7 +26,7 @@ from _planning_score import compare
 
 from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
-from scenewright.evals.planning import PlanningShare
+from scenewright.evals.bootstrap import Figure
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Refusal
 
@@ -65,10 +65,7 @@ def print_report(name: str, rows: list[Row], show: int) -> None:
         *counts.most_common(),
         ("right at first sight or after one answer", asked),
     ):
-        share = PlanningShare(number, len(rows))
-        low, high = share.interval or (0.0, 1.0)
-        rate = f"{100 * number / len(rows):.1f} %, {100 * low:.1f}-{100 * high:.1f}"
-        print(f"  {label}: {number} ({rate})")
+        print(f"  {label}: {number} ({Figure.of_count(number, len(rows)):.1%})")
     for row, verdict in zip(rows, verdicts, strict=True):
         if verdict != "right" and show > 0:
             show -= 1

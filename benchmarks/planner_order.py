@@ -20,7 +20,7 @@ from typing import Any
 
 import scenewright
 from scenewright.backends.builtin.reader.words import COARSE
-from scenewright.evals.planning import PlanningShare
+from scenewright.evals.bootstrap import Figure
 
 Row = dict[str, Any]
 
@@ -76,9 +76,7 @@ def main() -> None:
     rows = [json.loads(line) for line in source.splitlines()]
     verdicts = [judge_row(row) for row in rows]
     for label, number in Counter(verdicts).most_common():
-        low, high = PlanningShare(number, len(rows)).interval or (0.0, 1.0)
-        rate = 100 * number / len(rows)
-        print(f"{label}: {number} of {len(rows)} ({rate:.1f} %, {100 * low:.1f}-{100 * high:.1f})")
+        print(f"{label}: {number} of {len(rows)} ({Figure.of_count(number, len(rows)):.1%})")
     for row, verdict in zip(rows, verdicts, strict=True):
         if given.show and verdict != "kept":
             print(f"  [{verdict}] {row['text']}")

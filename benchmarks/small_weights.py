@@ -35,7 +35,7 @@ from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.choosing import StagedBackend
 from scenewright.cli.plan import ask_for_plan
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.evals.planning import PlanningShare
+from scenewright.evals.bootstrap import Figure
 from scenewright.graph.arguments import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.scene.plan_row import plan_to_row
@@ -127,9 +127,9 @@ def test_plans(rows: Sequence[dict[str, Any]], model: Counting) -> None:
     result, n = score(rows, made), len(rows)
     first = sum(count == 1 for count in calls)
     print(f"plans of {n} instructions, {sum(calls)} answers")
-    print(f"  of use at the first answer: {format_share(PlanningShare(first, n))}")
-    print(f"  of use within three answers: {format_share(PlanningShare(n - unusable, n))}")
-    print(f"  without agents where some are named: {format_share(PlanningShare(empty, n))}")
+    print(f"  of use at the first answer: {format_share(Figure.of_count(first, n))}")
+    print(f"  of use within three answers: {format_share(Figure.of_count(n - unusable, n))}")
+    print(f"  without agents where some are named: {format_share(Figure.of_count(empty, n))}")
     print(f"  every field right: {format_share(result.all_fields)}")
     for name, share in result.fields.items():
         print(f"    {name}: {format_share(share)}")
@@ -178,7 +178,7 @@ def report(name: str, found: Ends) -> None:
         f"{name}: {n} runs, answers {sum(found.calls) / n:.1f} on average, {max(found.calls)} most"
     )
     for end, count in found.ends.most_common():
-        print(f"  {end}: {format_share(PlanningShare(count, n))}")
+        print(f"  {end}: {format_share(Figure.of_count(count, n))}")
     for why, count in found.reasons.most_common(6):
         print(f"    {count} x {why}")
     print(f"  false labels, tracebacks, refusals without a word: {len(found.bad)}")

@@ -25,7 +25,7 @@ import numpy as np
 
 from lab.trajnet.training import build_own_recipe, build_polishing_recipe, train_on
 from lab.trajnet.windows import BENDING, cut_training_windows
-from scenewright.evals.bootstrap import compute_mean
+from scenewright.evals.bootstrap import build_figure, compute_mean, resample_ratio
 from scenewright.evals.trajnet.predictors import (
     Predictor,
     Refining,
@@ -307,23 +307,16 @@ Scores = dict[tuple[str, ...], list[SceneScore]]
 def format_pooled(column: tuple[str, str], folds: list[str], scores: Scores) -> str:
     mine = [s for f in folds for s in select_interacting(scores[f, *column])]
     straight = [s for f in folds for s in select_interacting(scores[f, "cv", "none"])]
-    people = sorted({s.person for s in mine})
-    place = {person: k for k, person in enumerate(people)}
-    whose = np.array([place[s.person] for s in mine])
-    draws = np.random.default_rng(0).multinomial(
-        len(people), np.full(len(people), 1 / len(people)), size=2000
-    )
+    people = np.array([str(s.person) for s in mine])
     cells = []
     for measure in ("ade", "fde", "col1", "col2"):
         scale, digits = (100, 1) if measure.startswith("col") else (1, 3)
         x = np.array([scale * float(getattr(s, measure)) for s in mine])
         pattern = f"{{0:.{digits}f}} ({{1:.{digits}f}} to {{2:.{digits}f}})"
-        cells.append(compute_mean(x, whose, draws).format(pattern))
-    sums = [np.bincount(whose, [s.ade for s in part], minlength=len(people))
-            for part in (mine, straight)]  # fmt: skip
-    ratios = (draws @ sums[0]) / (draws @ sums[1])
-    low, high = np.percentile(ratios, (2.5, 97.5))
-    cells.append(f"{sums[0].sum() / sums[1].sum():.3f} ({low:.3f} to {high:.3f})")
+        cells.append(compute_mean(x, people, draws=2000).format(pattern))
+    ade, base = (np.array([s.ade for s in part]) for part in (mine, straight))
+    ratio = build_figure(resample_ratio(ade, base, people, draws=2000), len(mine))
+    cells.append(ratio.format("{0:.3f} ({1:.3f} to {2:.3f})"))
     name = column[0] if column[1] == "none" else f"{column[0]}, {column[1]} given"
     return f"| {name} | {len(folds)} | {len(mine)} | " + " | ".join(cells) + " |"
 

@@ -14,7 +14,7 @@ from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import is_same_plan, plan
 from scenewright.backends.builtin.reader.learned_plan import plan_reading, read_plan
 from scenewright.backends.builtin.training.corpus import read_corpus
-from scenewright.evals.planning import PlanningShare
+from scenewright.evals.bootstrap import Figure
 from scenewright.scene.social import Plan, Refusal
 
 
@@ -40,8 +40,7 @@ def main() -> None:
             sentences = [plan(each) for each in found.did_you_mean]
             offered += any(judge(meant, each) == "right" for each in sentences)
     for name, counts in (("planned", planned), ("read, however unsure", read)):
-        low, high = PlanningShare(counts["right"], len(rows)).interval or (0.0, 0.0)
-        share = f"{counts['right'] / len(rows):.1%} [{low:.1%}, {high:.1%}]"
+        share = f"{Figure.of_count(counts['right'], len(rows)):.1%}"
         print(f"{name}: {dict(counts)} of {len(rows)}; right {share}")
     print(f"right among the sentences offered: {offered}")
 

@@ -72,6 +72,6 @@ def test_a_quiet_dataset_is_as_varied_as_quiet_hours() -> None:
     ]
     found = compare_speeds(watched[0], CorpusWindows(*watched[1:]), draws=50, seed=0)
     ratio = next(each for each in found if (each.what, each.group) == ("speed", "vehicle"))
-    assert ratio.ratio == pytest.approx(1.0, abs=0.25)
+    assert ratio.ratio.value == pytest.approx(1.0, abs=0.25)
     assert ratio.ratio_to_whole is not None
     assert ratio.ratio_to_whole < 0.6

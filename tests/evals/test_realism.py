@@ -7,11 +7,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from scenewright.evals.realism.sources import cut_scenes
-from scenewright.evals.tables.nearness import (
-    ClusterSample,
-    compute_distance,
-    compute_wasserstein,
-)
+from scenewright.evals.tables.nearness import compare_with_reference, compute_distance
 from scenewright.intersections import load_map
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, get_vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
@@ -24,30 +20,32 @@ def intersection_map():
     return load_map("amsterdam_120")
 
 
+def measure(first, second):
+    return compute_distance([first], [second], draws=2, rng=np.random.default_rng(0)).value
+
+
 @given(values, values)
 def test_the_distance_is_the_first_wasserstein_distance(first, second):
-    found = compute_wasserstein(first, second)
+    found = measure(first, second)
     assert found == pytest.approx(stats.wasserstein_distance(first, second), abs=1e-9)
-    assert found == pytest.approx(compute_wasserstein(second, first))
+    assert found == pytest.approx(measure(second, first))
 
 
 @given(values, st.floats(-20, 20))
 def test_a_shift_is_as_far_as_it_shifts(first, by):
-    assert compute_wasserstein(first, first + by) == pytest.approx(abs(by), abs=1e-9)
-    assert compute_wasserstein(first, first) == 0.0
+    assert measure(first, first + by) == pytest.approx(abs(by), abs=1e-9)
+    assert measure(first, first) == 0.0
 
 
 def test_without_values_there_is_no_distance():
-    empty, one = ClusterSample.join_parts([[], []]), ClusterSample.join_parts([[1.0, 2.0]])
+    empty, one = [np.zeros(0), np.zeros(0)], [np.array([1.0, 2.0])]
     rng = np.random.default_rng(0)
-    assert compute_wasserstein(empty.values, one.values) is None
-    assert compute_distance(empty, one, draws=5, rng=rng) is None
+    for pair in ((empty, one), (one, empty), ([], one)):
+        assert compute_distance(*pair, draws=5, rng=rng).value is None
 
 
 def clustered(rng, count, *, mean=0.0, spread=1.0, between=0.0):
-    return ClusterSample.join_parts(
-        [rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)]
-    )
+    return [rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)]
 
 
 def test_intervals_hold_the_distance_and_widen_with_clusters():
@@ -59,17 +57,25 @@ def test_intervals_hold_the_distance_and_widen_with_clusters():
         assert each.low <= each.value <= each.high
     assert found[0].value == pytest.approx(1.0, abs=0.1)
     assert found[1].high - found[1].low > 3 * (found[0].high - found[0].low)
-    assert (found[0].n, found[0].n_reference, found[0].clusters) == (1200, 6000, 60)
+    assert found[0].n == 1200
 
 
 def test_resampling_one_cluster_each_gives_the_distance_itself():
     rng = np.random.default_rng(2)
-    one, two = (
-        ClusterSample.join_parts([rng.normal(0, 1, 500)]),
-        ClusterSample.join_parts([rng.normal(1, 1, 500)]),
-    )
+    one, two = [rng.normal(0, 1, 500)], [rng.normal(1, 1, 500)]
     found = compute_distance(one, two, draws=3, rng=rng)
     assert (found.low, found.high) == pytest.approx((found.value, found.value), abs=0.01)
+
+
+def test_a_measure_is_compared_with_its_reference_and_its_halves():
+    rng = np.random.default_rng(3)
+    key = ("speed", "vehicle")
+    ours, reference = {key: clustered(rng, 60)}, {key: [*clustered(rng, 300), np.zeros(0)]}
+    (found,) = compare_with_reference(ours, reference, named="corpus", draws=5, seed=0)
+    assert (found.scenes, found.distance.n, found.n_reference) == (60, 1200, 6000)
+    even, odd = (np.concatenate(reference[key][half::2]) for half in (0, 1))
+    assert found.halves == pytest.approx(stats.wasserstein_distance(even, odd))
+    assert found.quantiles[1] == pytest.approx(0.0, abs=0.2)
 
 
 def agent(xs, y, *, start=0.0, shape=None, subtype="car"):

@@ -66,8 +66,8 @@ def test_who_wavers_is_distinguished_from_who_does_not_and_halves_are_not() -> N
         cut_windows(source(name, spread, 40, seed=k), "vehicle")
         for k, (name, spread) in enumerate((("a", 0.02), ("b", 0.4)))
     )
-    assert compare_windows(even, wavering)["all"].auc > 0.95
-    assert compare_windows(*split_halves(wavering))["all"].low < 0.6
+    assert compare_windows(even, wavering)["all"].auc.value > 0.95
+    assert compare_windows(*split_halves(wavering))["all"].auc.low < 0.6
 
 
 def test_too_few_windows_say_nothing() -> None:

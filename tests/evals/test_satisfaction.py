@@ -112,7 +112,9 @@ def test_legs_turns_and_crosswalks_are_read_off_tracks() -> None:
     crosswalk = place.crosswalks[0]
     ways = (np.array(route.centreline), np.linspace(*map(np.array, crosswalk.centreline), 50))
     users = [
-        RoadUser(n, Track(xy, np.zeros(len(xy)), 0.0), Shape(kind, 4.0, 1.8))  # type: ignore[arg-type]
+        RoadUser(
+            n, Track(xy, np.arctan2(*np.gradient(xy, axis=0).T[::-1]), 0.0), Shape(kind, 4.0, 1.8)
+        )  # type: ignore[arg-type]
         for n, (xy, kind) in enumerate(zip(ways, ("vehicle", "pedestrian"), strict=True))
     ]
     way = np.linspace((-15.0, 40.0), (15.0, 40.0), 60)
@@ -163,14 +165,14 @@ def test_figures_have_their_own_denominators_and_the_board_is_ordered(tmp_path: 
     outcomes = ("satisfied", "wrong", "rightly_refused", "wrong")
     verdicts = [Verdict("one", each, "unasked collision of 1 and 2") for each in outcomes]
     shares = count_verdicts(verdicts, rows)
-    counts = {name: (share.right, share.n) for name, share in shares.items()}
+    counts = {name: (share.count, share.n) for name, share in shares.items()}
     assert counts == {
         "satisfied": (1, 2), "false": (2, 3), "refused": (0, 2), "rightly refused": (1, 2),
     }  # fmt: skip
     assert "| unasked collision | 2 |" in to_markdown(shares, verdicts)
     board = tmp_path / "board.json"
     better = count_verdicts([Verdict("one", "satisfied")] * 2, rows[:2])
-    worse, best = ({k: v.to_json() for k, v in each.items()} for each in (shares, better))
+    worse, best = ({k: v.to_share(whole=1.0) for k, v in each.items()} for each in (shares, better))
     enter_leaderboard(board, "worse|<b>", worse)
     page = enter_leaderboard(board, "better", best).read_text()
     assert page.index("better") < page.index("worse")

@@ -15,13 +15,14 @@ from scenewright.dataset.batch.worker import Options
 from scenewright.dataset.orders.agent import Order
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import fill
-from scenewright.evals.planning import PlanningShare
+from scenewright.evals.bootstrap import Figure
 from scenewright.evals.tables.diversity import compare_lateral_positions, load_held_out
 from scenewright.evals.tables.likelihood import (
     AgentScore,
-    compute_gap,
+    compute_cell,
     find_nearest_on,
     find_passed_waypoints,
+    resample_nll,
     resample_waypoints,
     score_scene,
 )
@@ -116,15 +117,17 @@ def scores(group: str, *values: float) -> list[AgentScore]:
 
 def test_gap_is_equation_8_with_its_sign() -> None:
     rng = np.random.default_rng(0)
-    found = compute_gap(
-        scores("x", 30.0, 50.0), scores("normal", 20.0, 20.0), "path", draws=50, rng=rng
-    )
-    assert found is not None
-    assert (found.nll, found.normal) == (40.0, 20.0)
-    assert found.s2r == pytest.approx(-1.0)
-    assert found.delta == pytest.approx(2.0)
-    assert found.delta_interval[0] <= found.delta <= found.delta_interval[1]
-    assert compute_gap([], scores("normal", 1.0), "path", draws=5, rng=rng) is None
+    normal = resample_nll(scores("normal", 20.0, 20.0), "path", draws=50, rng=rng)
+    assert normal[0] == 20.0
+    found = compute_cell(scores("x", 30.0, 50.0), normal, rng, kind="vehicle", reading="path")
+    assert (found.nll.value, found.nll.n, found.scenes) == (40.0, 2, 2)
+    assert found.s2r.value == pytest.approx(-1.0)
+    assert found.delta.value == pytest.approx(2.0)
+    assert found.delta.low <= found.delta.value <= found.delta.high
+    unknown = np.full(6, np.nan)
+    for agents, reference in (([], normal), (scores("x", 1.0), unknown)):
+        cell = compute_cell(agents, reference, rng, kind="vehicle", reading="path")
+        assert cell.s2r == cell.delta == Figure(None, None, None, 0)
 
 
 def test_rates_count_refusals_and_wrong_scenes_as_failures() -> None:
@@ -139,9 +142,9 @@ def test_rates_count_refusals_and_wrong_scenes_as_failures() -> None:
         (rate.backend, rate.event): rate.share
         for rate in compute_robustness(Dataset(Path(), {}, tuple(rows)))
     }
-    assert found["builtin", "collision"] == PlanningShare(1, 2)
-    assert found["builtin", "overall"] == found["builtin", "all"] == PlanningShare(1, 3)
-    assert found["other", "overall"] == PlanningShare(1, 1)
+    assert found["builtin", "collision"] == Figure.of_count(1, 2)
+    assert found["builtin", "overall"] == found["builtin", "all"] == Figure.of_count(1, 3)
+    assert found["other", "overall"] == Figure.of_count(1, 1)
 
 
 def test_tracks_of_the_prior_spread_as_the_corpus_does_and_modes_do_not() -> None:
@@ -152,8 +155,8 @@ def test_tracks_of_the_prior_spread_as_the_corpus_does_and_modes_do_not() -> Non
     for points in (many, alike):
         scenes = [scene_of(agent(between(each, 200), each)) for each in points]
         (spread,) = compare_lateral_positions(scenes, bundle="amsterdam_120", draws=20, seed=0)
-        assert spread.low <= spread.high
-        ratios.append(spread.ratio)
+        assert spread.ratio.low <= spread.ratio.high
+        ratios.append(spread.ratio.value)
     assert ratios[0] == pytest.approx(1.0, abs=0.2)
     assert ratios[1] == pytest.approx(0.0, abs=0.01)
     assert len(load_held_out("amsterdam_120")) > 30
@@ -170,11 +173,11 @@ def test_one_page_and_one_object_for_a_dataset(
     page = capsys.readouterr().out
     for heading in ("Tables 1, 4 and 5", "Table 2", "Table 3", "Diversity"):
         assert f"## {heading}" in page
-    assert "| builtin | overall | 3 / 3 | 100.00 |" in page
+    assert "| builtin | overall | 3 / 3 | 100.00 % [" in page
     assert "84.44" in page
     assert (out / "evaluation" / "tables.md").read_text("utf-8") == page
     values = json.loads((out / "evaluation" / "tables.json").read_bytes())
-    assert values["robustness"][0]["n"] == 2
+    assert values["robustness"][0]["share"]["n"] == 2
     assert values["about"]["rows"]["made"] == 5
     assert load_scene(out / "yielding-01").relations
     # What was measured lies beside the dataset, and the dataset is still in order.

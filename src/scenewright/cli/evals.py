@@ -91,17 +91,15 @@ def write_predictions(
 
 def format_scores(evaluated: Evaluated) -> str:
     """A headline and one line per kind of scene, intervals in brackets."""
+    from scenewright.evals.records import format_records
+
     given = "" if evaluated.goals == "none" else f", given the {evaluated.goals}"
-    titles = ("scenes", "n", "people", "ADE [m]", "FDE [m]", "Col-I [%]", "Col-II [%]")
-    digits = {"ade": 2, "fde": 2, "col1": 1, "col2": 1}
-    rows = [
-        (row.name, str(row.scenes), str(row.people), *(
-            row.figures[measure].format(f"{{0:.{n}f}} ({{1:.{n}f}} to {{2:.{n}f}})", "none")
-            for measure, n in digits.items()
-        ))
-        for row in evaluated.rows
-    ]  # fmt: skip
-    table = format_columns(titles, rows, right={*titles[1:]})
+    columns = {
+        "scenes": "{name}", "n": "{ade.n}", "people": "{people}", "ADE [m]": "{ade:.2f}",
+        "FDE [m]": "{fde:.2f}", "Col-I": "{col1:.1%}", "Col-II": "{col2:.1%}",
+    }  # fmt: skip
+    titles = [*columns]
+    table = format_columns(titles, format_records(evaluated.rows, columns), right={*titles[1:]})
     return format_one_line(f"{evaluated.predictor}{given}") + "\n" + table
 
 
@@ -203,6 +201,8 @@ def score_satisfaction(
     if all(each.outcome.endswith("refused") for each in verdicts):
         raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
     shares = judging.count_verdicts(verdicts, labelled)
-    figures = {name: share.to_json() for name, share in shares.items()}
+    figures = {
+        name: {"right": share.count, **share.to_share(whole=1.0)} for name, share in shares.items()
+    }
     facts = {"folder": folder, **figures, "verdicts": [vars(each) for each in verdicts]}
     return Result(facts, judging.to_markdown(shares, verdicts), notes=entry.enter(figures))

@@ -14,7 +14,7 @@ import numpy as np
 from scenewright.dataset.tables.junit import Case
 from scenewright.driving.benchmark import Row
 from scenewright.driving.report import Report
-from scenewright.evals.planning import PlanningShare
+from scenewright.evals.bootstrap import Figure
 
 
 def summarise(reports: Sequence[Report]) -> dict[str, Any]:
@@ -55,8 +55,8 @@ def describe_rate(count: int, total: int) -> dict[str, Any]:
     """A rate with its count and, of more than one, its 95 % interval."""
     rate = {"count": count, "of": total, "rate": round(count / total, 4)}
     if total > 1:
-        low, high = PlanningShare(count, total).interval or (0.0, 1.0)
-        rate |= {"low": round(low, 4), "high": round(high, 4)}
+        share = Figure.of_count(count, total)
+        rate |= {"low": round(share.low or 0.0, 4), "high": round(share.high or 0.0, 4)}
     return rate
 
 

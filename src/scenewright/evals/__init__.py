@@ -1,1 +1,1 @@
-"""scenewright."""
+"""Evaluations: figures with their intervals (`bootstrap`) as cells of tables (`records`)."""

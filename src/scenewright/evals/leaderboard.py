@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 from scenewright.dataset.tables.markdown import escape_markdown, format_table
 from scenewright.errors import InputError
-from scenewright.evals.satisfaction.judge import RATES, format_share
+from scenewright.evals.bootstrap import Figure
+from scenewright.evals.satisfaction.judge import RATES
 from scenewright.files import write_atomically
 
 SectionKey = Literal["entries", "predictions", "egos"]
@@ -87,9 +88,9 @@ def enter_leaderboard(
         rows = [
             [
                 escape_markdown(who, longest=80),
-                *(format_share(got[column]) for column in each.columns),
+                *(f"{Figure.of_share(figures[column]):.1%}" for column in each.columns),
             ]
-            for who, got in best
+            for who, figures in best
         ]
         parts += [f"## {each.title}", format_table(["submission", *each.columns], rows)]
         parts.append("\n".join(f"- *{title}*: {what}" for title, what in each.columns.items()))

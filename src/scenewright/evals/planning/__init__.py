@@ -1,42 +1,14 @@
-"""Labelled instructions by many voices, rates with their intervals, and times that fit a label."""
+"""Labelled instructions by many voices, and times of day that fit a label."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any, Literal
 
 Row = Mapping[str, Any]
 _DAY = 24 * 60
-
-
-@dataclass(frozen=True)
-class PlanningShare:
-    """A rate with its count and 95 % Wilson interval; None where n is 0."""
-
-    right: int
-    n: int
-
-    @property
-    def rate(self) -> float | None:
-        """right / n."""
-        return self.right / self.n if self.n else None
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """Wilson score interval (Wilson 1927)."""
-        if not self.n:
-            return None
-        from scipy.stats import binomtest
-
-        found = binomtest(self.right, self.n).proportion_ci(method="wilson")
-        return float(found.low), float(found.high)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON."""
-        return {"right": self.right, "n": self.n, "rate": self.rate, "interval": self.interval}
 
 
 def load(part: Literal["development", "test", "voices"]) -> list[dict[str, Any]]:

@@ -25,13 +25,13 @@ from scenewright.evals.realism.street_measures import (
     find_reactions,
 )
 from scenewright.evals.realism.two_sample import (
-    Separability,
-    Windows,
+    MotionWindow,
     compare_windows,
     cut_windows,
     find_constant_speed,
     split_halves,
 )
+from scenewright.evals.records import format_records
 from scenewright.geometry.kinematics import smooth
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP
@@ -114,7 +114,7 @@ class SeparationTest:
 
     Attributes:
         type: class of agents; one, other: the data sets compared; part: of the first's agents.
-        situation: `all`, or what the agents do; separability: how well the two are separated.
+        situation: `all`, or what the agents do; auc, groups: how well the two are separated.
         floor: whether both are recorded traffic, or halves of it.
     """
 
@@ -123,12 +123,13 @@ class SeparationTest:
     other: str
     part: str
     situation: str
-    separability: Separability
+    auc: Figure
+    groups: int
     floor: bool = False
 
 
 @dataclass(frozen=True)
-class MeasuredDistance:
+class MeasuredShare:
     """A share or mean of a data set: `name` of `source`, perhaps of its `part`."""
 
     source: str
@@ -152,27 +153,26 @@ class Assessment:
     """The report."""
 
     tests: tuple[SeparationTest, ...]
-    measures: tuple[MeasuredDistance, ...]
+    measures: tuple[MeasuredShare, ...]
     likelihoods: tuple[Likelihood, ...]
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON."""
-        return {"schema_version": 1, **asdict(self)}
+        return {"schema_version": 2, **asdict(self)}
 
     def format_markdown(self) -> str:
         """The tables."""
-        head = ("class", "separated", "part", "from", "situation", "AUC", "95 %", "n a side",
-                "groups")  # fmt: skip
-        tests = [
-            (t.type, t.one, t.part, t.other, t.situation, f"{t.separability.auc:.3f}",
-             f"{t.separability.low:.3f}–{t.separability.high:.3f}", t.separability.n,
-             t.separability.groups)
-            for t in self.tests
-        ]  # fmt: skip
+        columns = {
+            "class": "{type}", "separated": "{one}", "part": "{part}", "from": "{other}",
+            "situation": "{situation}", "AUC": "{auc:.3f}", "n a side": "{auc.n}",
+            "groups": "{groups}",
+        }  # fmt: skip
+        tests = format_records(self.tests, columns)
         sources = list(dict.fromkeys(m.source for m in self.measures))
-        pattern = "{0:.3f} [{1:.3f}, {2:.3f}], n = {3}"
-        cells = {(m.source, m.name, m.part): m.share.format(pattern) for m in self.measures}
+        cells = {
+            (m.source, m.name, m.part): f"{m.share:.3f}, n = {m.share.n}" for m in self.measures
+        }
         measures = [
             (name, part, *(cells.get((source, name, part), "–") for source in sources))
             for name, part in dict.fromkeys((m.name, m.part) for m in self.measures)
@@ -184,7 +184,7 @@ class Assessment:
             for each in self.likelihoods
         ]  # fmt: skip
         parts = [
-            f"### Two-sample test\n\n{format_table(head, tests)}",
+            f"### Two-sample test\n\n{format_table([*columns], tests)}",
             f"### On the street\n\n{format_table(('measure', 'part', *sources), measures)}",
             "### Likelihood of the reference\n\n"
             + format_table(("class", "reference", "under", *names), likelihoods),
@@ -237,10 +237,12 @@ def _run_tests(
     log: ProgressLog,
 ) -> Iterator[SeparationTest]:
     def run(
-        one: str, other: str, *pair: Windows, part: str = "all", floor: bool = False
+        one: str, other: str, *pair: list[MotionWindow], part: str = "all", floor: bool = False
     ) -> Iterator[SeparationTest]:
-        for situation, separability in compare_windows(*pair, seed=seed).items():
-            yield SeparationTest(kind, one, other, part, situation, separability, floor)
+        for situation, found in compare_windows(*pair, seed=seed).items():
+            yield SeparationTest(
+                kind, one, other, part, situation, found.auc, found.groups, floor
+            )  # fmt: skip
 
     cut = {each.name: cut_windows(each, kind) for each in (*sets, *beside)}
     for each in beside:
@@ -265,24 +267,25 @@ def _run_tests(
             yield from run(source.name, other.name, own, cut[other.name], part=JITTERED)
 
 
-def _select_part(windows: Windows, part: str) -> Windows:
-    if part == "all":
-        return windows
-    return windows.select(windows.foreground == (part == "foreground"))
+def _select_part(windows: list[MotionWindow], part: str) -> list[MotionWindow]:
+    named = part == "foreground"
+    return [window for window in windows if part == "all" or window.foreground == named]
 
 
 def _compute_measures(
     source: TrackSource, mass_of: Callable[[str, int], FloatArray] | None, seed: int
-) -> Iterator[MeasuredDistance]:
-    def share(name: str, parts: Any, part: str = "all") -> MeasuredDistance:
-        return MeasuredDistance(source.name, name, part, compute_share(parts, seed=seed))
+) -> Iterator[MeasuredShare]:
+    def share(name: str, parts: Any, part: str = "all") -> MeasuredShare:
+        return MeasuredShare(source.name, name, part, compute_share(parts, seed=seed))
 
     for kind in CLASSES:
         windows = cut_windows(source, kind)
-        for part in PARTS if windows.foreground.any() else PARTS[:1]:
-            own = _select_part(windows, part)
-            groups = (own.select(own.group == name) for name in np.unique(own.group))
-            yield share(f"{kind}s: 3 s at one speed", list(map(find_constant_speed, groups)), part)
+        for part in PARTS if any(window.foreground for window in windows) else PARTS[:1]:
+            groups: dict[str, list[MotionWindow]] = {}
+            for window in _select_part(windows, part):
+                groups.setdefault(window.group, []).append(window)
+            constant = [find_constant_speed(own) for own in groups.values()]
+            yield share(f"{kind}s: 3 s at one speed", constant, part)
     for name, measure in MEASURES.items():
         yield share(name, [measure(stretch) for stretch in source.stretches])
     found = [find_reactions(stretch) for stretch in source.stretches]
@@ -354,11 +357,10 @@ def _draw_tests(ax: Any, tests: Sequence[SeparationTest]) -> None:
     """Draw a bar for each test; floors, between real tracks, are grey."""
     for k, test in enumerate(reversed(tests)):
         color = "0.6" if test.floor else "#3b6ea5"
-        ax.barh(k, test.separability.auc - 0.5, left=0.5, color=color)
-        ax.plot([test.separability.low, test.separability.high], [k, k], color="black", lw=1)
+        ax.barh(k, (test.auc.value or 0.0) - 0.5, left=0.5, color=color)
+        ax.plot([test.auc.low, test.auc.high], [k, k], color="black", lw=1)
     labels = [
-        f"{t.one}{'' if t.part == 'all' else ', ' + t.part}\nfrom {t.other} "
-        f"(n = {t.separability.n})"
+        f"{t.one}{'' if t.part == 'all' else ', ' + t.part}\nfrom {t.other} (n = {t.auc.n})"
         for t in reversed(tests)
     ]
     ax.set_yticks(range(len(tests)), labels, fontsize=7)
@@ -366,7 +368,7 @@ def _draw_tests(ax: Any, tests: Sequence[SeparationTest]) -> None:
     ax.axvline(0.5, color="black", lw=0.8)
 
 
-def _draw_measures(ax: Any, measures: Sequence[MeasuredDistance]) -> None:
+def _draw_measures(ax: Any, measures: Sequence[MeasuredShare]) -> None:
     names = list(dict.fromkeys(m.name for m in measures))
     sources = list(dict.fromkeys(m.source for m in measures))
     for j, source in enumerate(sources):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -89,19 +90,15 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
         recordings = load_recordings(path, split="test")
         if not recordings:
             raise InputError(f"{path} holds no test hours")
-        every: list[Stretch] = []
-        for recording in recordings:
-            kept = [agent for agent in recording.agents if agent.subtype != "bicycle"]
-            users = [RoadUser(k, agent.track, agent.shape) for k, agent in enumerate(kept)]
-            every += _cut(recording.name, users, place=place)
-        return TrackSource(
-            name, tuple(every[:: max(len(every) // MOST_STRETCHES, 1)][:MOST_STRETCHES])
-        )
+        cut = (_cut(r.name, list_users(r, riders=False), place=place) for r in recordings)
+        every = [*chain.from_iterable(cut)]
+        step = max(len(every) // MOST_STRETCHES, 1)
+        return TrackSource(name, tuple(every[::step][:MOST_STRETCHES]))
     pixels = path.suffix == ".txt" or (path.is_dir() and any(path.rglob("DJI_*.txt")))
     files = read_track_files([path], scale=scale if pixels else None)
+    shapes = {"pedestrian": PEDESTRIAN, "bicycle": get_rider_shape("cyclist")}
     stretches: list[Stretch] = []
     for file in files:
-        shapes = {"pedestrian": PEDESTRIAN, "bicycle": get_rider_shape("cyclist")}
         users = [
             RoadUser(k, track, shapes.get(word) or get_vehicle_shape(word))
             for k, (word, track) in enumerate(file.tracks)
@@ -111,6 +108,12 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
     if not stretches:
         raise InputError(f"{path} holds no tracks that can be believed")
     return TrackSource(name, tuple(stretches), tuple(removed.format_lines()))
+
+
+def list_users(recording: Recording, *, riders: bool = True) -> list[RoadUser]:
+    """List the agents of a recording, with or without bicycles, numbered."""
+    kept = (agent for agent in recording.agents if riders or agent.subtype != "bicycle")
+    return [RoadUser(k, agent.track, agent.shape) for k, agent in enumerate(kept)]
 
 
 def read_scenes(folder: Path) -> Iterator[Stretch]:
@@ -141,9 +144,8 @@ def cut_scenes(
     """Cut scenes of 30 s, end to end, with the lights of the recordings that know theirs."""
     program = intersection_map.signals
     for recording in recordings:
-        users = [RoadUser(k, agent.track, agent.shape) for k, agent in enumerate(recording.agents)]
         span = recording.begin, recording.end
-        for scene in _cut(recording.name, users, span=span, shortest=LENGTH):
+        for scene in _cut(recording.name, list_users(recording), span=span, shortest=LENGTH):
             signals: Sequence[SignalRecord] = ()
             if program is not None and recording.signal_time is not None:
                 clock = SignalClock(program, (recording.signal_time + scene.begin) % program.cycle)

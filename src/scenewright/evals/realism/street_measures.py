@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.evals.bootstrap import Figure, compute_ratio, draw_resamples
+from scenewright.evals.bootstrap import Figure, compute_mean
 from scenewright.evals.realism.sources import Stretch
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.geometry.polyline import interpolate_points, measure_arc_lengths, measure_length
@@ -44,9 +44,9 @@ _TURNS_AWAY = 0.3
 
 def compute_share(parts: Sequence[Sequence[float] | Sequence[bool]], *, seed: int = 0) -> Figure:
     """Compute the mean of all values, one sequence for each stretch; stretches are drawn anew."""
-    count = np.array([len(part) for part in parts], dtype=np.float64)
-    total = np.array([float(np.sum(part)) for part in parts])
-    return compute_ratio(total, count, draw_resamples(max(len(parts), 1), draws=500, seed=seed))
+    x = np.array([value for part in parts for value in part], dtype=np.float64)
+    stretch = np.array([k for k, part in enumerate(parts) for _ in part], dtype=np.int64)
+    return compute_mean(x, stretch, draws=500, seed=seed)
 
 
 def find_close_followers(stretch: Stretch) -> list[bool]:

@@ -11,13 +11,13 @@ real traffic (Lopez-Paz & Oquab 2017).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.bootstrap import compute_interval, draw_resamples
+from scenewright.evals.bootstrap import Figure, build_figure, draw_weights
 from scenewright.evals.realism.sources import TrackSource
 from scenewright.geometry.kinematics import smooth
 from scenewright.scene.base import AgentClass, FloatArray
@@ -36,35 +36,32 @@ class Separability:
     """How well a classifier separates two sets of windows.
 
     Attributes:
-        auc: area under the ROC curve, each scene scored by a classifier not trained on it; low,
-            high: 95 % interval over resampled scenes; n: windows a side; groups: scenes.
+        auc: area under the ROC curve of n windows a side, each scored by a classifier not trained
+            on its scene; scenes are drawn anew. groups: scenes.
     """
 
-    auc: float
-    low: float
-    high: float
-    n: int
+    auc: Figure
     groups: int
 
 
-def compare_windows(one: Windows, other: Windows, *, seed: int = 0) -> dict[str, Separability]:
+def compare_windows(
+    one: Sequence[MotionWindow], other: Sequence[MotionWindow], *, seed: int = 0
+) -> dict[str, Separability]:
     """Run the test over all situations (key "all") and for each that has enough windows.
 
     Empty where too few windows can be matched.
     """
     from sklearn import ensemble, model_selection
 
-    rng = np.random.default_rng(seed)
-    first, second = _match_windows(one, other, rng)
-    label = np.repeat([0, 1], [len(first), len(second)])
-    names = [
-        f"{k} {name}" for k, side in enumerate((first, second)) for name in side.group.tolist()
-    ]
+    sides = _match_windows(one, other, np.random.default_rng(seed))
+    label = np.repeat([0, 1], [len(side) for side in sides])
+    names = [f"{k} {window.group}" for k, side in enumerate(sides) for window in side]
     group = np.unique(names, return_inverse=True)[1]
     few = min(len(np.unique(group[label == k])) for k in (0, 1)) < _FOLDS
-    if few or min(len(first), len(second)) < FEWEST:
+    if few or min(map(len, sides)) < FEWEST:
         return {}
-    features = np.concatenate([first.features, second.features])
+    windows = [*sides[0], *sides[1]]
+    features = np.stack([window.features for window in windows])
     # Scores of boosted trees that were not trained on the window's scene.
     score = np.zeros(len(label))
     folds = model_selection.StratifiedGroupKFold(_FOLDS, shuffle=True, random_state=seed)
@@ -75,51 +72,48 @@ def compare_windows(one: Windows, other: Windows, *, seed: int = 0) -> dict[str,
         )  # fmt: skip
         trees.fit(features[seen], label[seen])
         score[asked] = trees.predict_proba(features[asked])[:, 1]
-    situation = np.concatenate([first.situation, second.situation])
+    situation = np.array([window.situation for window in windows])
     kinds = {"all": np.ones(len(label), dtype=np.bool_)}
-    kinds |= {str(each): situation == each for each in np.unique(situation)}
+    kinds |= {str(name): situation == name for name in np.unique(situation)}
     found = {}
     for name, chosen in kinds.items():
-        own, asked, scenes = score[chosen], label[chosen], group[chosen]
+        own, asked = score[chosen], label[chosen]
         if np.bincount(asked, minlength=2).min() < FEWEST:
             continue
-        units, number = np.unique(scenes, return_inverse=True)
-        draws = draw_resamples(len(units), draws=_DRAWS, seed=seed)
-        again = [compute_auc(own, asked, drawn[number].astype(np.float64)) for drawn in draws]
-        auc = compute_auc(own, asked, np.ones(len(asked)))
-        interval = compute_interval(np.array(again))
-        found[name] = Separability(auc, *interval, int((asked == 0).sum()), len(units))
+        scenes, number = np.unique(group[chosen], return_inverse=True)
+        weights = draw_weights(len(scenes), draws=_DRAWS, seed=seed).astype(np.float64)
+        values = np.array([compute_auc(own, asked, weight[number]) for weight in weights])
+        found[name] = Separability(build_figure(values, int((asked == 0).sum())), len(scenes))
     return found
 
 
-def split_halves(windows: Windows) -> tuple[Windows, Windows]:
+def split_halves(
+    windows: Sequence[MotionWindow],
+) -> tuple[list[MotionWindow], list[MotionWindow]]:
     """Split a source into two halves by its groups, for the floor of the test."""
-    names = np.unique(windows.group)
-    chosen = np.random.default_rng(0).permutation(names)[: len(names) // 2]
-    inside = np.isin(windows.group, chosen)
-    return windows.select(inside), windows.select(~inside)
+    names = np.unique([window.group for window in windows])
+    chosen = set(np.random.default_rng(0).permutation(names)[: len(names) // 2].tolist())
+    halves: tuple[list[MotionWindow], list[MotionWindow]] = ([], [])
+    for window in windows:
+        halves[window.group not in chosen].append(window)
+    return halves
 
 
 def _match_windows(
-    one: Windows, other: Windows, rng: np.random.Generator
-) -> tuple[Windows, Windows]:
+    one: Sequence[MotionWindow], other: Sequence[MotionWindow], rng: np.random.Generator
+) -> list[list[MotionWindow]]:
     """Draw equally many windows of each situation and band of speed from both sides."""
-    cells = [
-        [f"{s} {b}" for s, b in zip(each.situation.tolist(), each.band.tolist(), strict=True)]
-        for each in (one, other)
-    ]
-    kept: tuple[list[int], list[int]] = ([], [])
-    for cell in sorted(set(cells[0]) & set(cells[1])):
-        rows = [rng.permutation([k for k, c in enumerate(side) if c == cell]) for side in cells]
-        count = min(map(len, rows))
-        for k, found in enumerate(rows):
-            kept[k].extend(found[:count].tolist())
-    share = min(1.0, MOST / max(len(kept[0]), 1))
-    chosen = np.sort(rng.permutation(len(kept[0]))[: round(share * len(kept[0]))])
-    return tuple(
-        each.select(np.array(side, dtype=np.int64)[chosen])
-        for each, side in zip((one, other), kept, strict=True)
-    )  # type: ignore[return-value]
+    cells: dict[str, tuple[list[MotionWindow], list[MotionWindow]]] = {}
+    for k, side in enumerate((one, other)):
+        for window in side:
+            cells.setdefault(f"{window.situation} {window.band}", ([], []))[k].append(window)
+    pairs: list[tuple[MotionWindow, MotionWindow]] = []
+    for _, sides in sorted(cells.items()):
+        if all(sides):
+            orders = [rng.permutation(len(side)) for side in sides]
+            pairs += [(sides[0][j], sides[1][k]) for j, k in zip(*orders, strict=False)]
+    chosen = np.sort(rng.permutation(len(pairs))[:MOST]).tolist()
+    return [[pairs[k][side] for k in chosen] for side in (0, 1)]
 
 
 def compute_auc(score: FloatArray, label: NDArray[np.int64], weight: FloatArray) -> float:
@@ -156,51 +150,36 @@ _BANDS = {"vehicle": (2.0, 5.0, 8.0, 11.0), "pedestrian": (0.8, 1.1, 1.4, 1.7)}
 
 
 @dataclass(frozen=True, eq=False)
-class Windows:
-    """Windows of one class and source.
+class MotionWindow:
+    """3.2 s of one agent's motion.
 
     Attributes:
-        features: [W, F]; speed: [W, 33] smoothed [m/s]; situation: [W] what it does; band: [W] of
-            its mean speed; group: [W] agents that are split together; foreground: [W].
+        features: [F]; speed: [33] smoothed [m/s]; situation: what it does; band: of its mean
+            speed; group: agents that are split together; foreground: whether a request names it.
     """
 
     features: FloatArray
     speed: FloatArray
-    situation: NDArray[np.str_]
-    band: NDArray[np.int64]
-    group: NDArray[np.str_]
-    foreground: NDArray[np.bool_]
-
-    def __len__(self) -> int:
-        return len(self.features)
-
-    def select(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Windows:
-        """Select some of the windows."""
-        return Windows(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+    situation: str
+    band: int
+    group: str
+    foreground: bool
 
 
-def cut_windows(source: TrackSource, kind: AgentClass) -> Windows:
+def cut_windows(source: TrackSource, kind: AgentClass) -> list[MotionWindow]:
     """Cut the windows of a class, one every 1.6 s of every track, without standing agents."""
-    rows = [
-        (features, speed, _classify_situation(speed, turned, kind), stretch.groups[user.id],
-         user.id in stretch.foreground)
+    return [
+        MotionWindow(
+            features, speed, _classify_situation(speed, turned, kind),
+            int(np.searchsorted(_BANDS[kind], speed.mean())), stretch.groups[user.id],
+            user.id in stretch.foreground,
+        )
         for stretch in source.stretches
         for user in stretch.users
         if user.shape.type == kind
         for features, speed, turned in _cut_track(user.track)
         if speed.max() > _STANDS
     ]  # fmt: skip
-    if not rows:
-        return Windows(
-            np.zeros((0, 1)), np.zeros((0, SPAN + 1)), np.array([], dtype=np.str_),
-            np.zeros(0, np.int64), np.array([], dtype=np.str_), np.zeros(0, np.bool_),
-        )  # fmt: skip
-    speed = np.stack([row[1] for row in rows])
-    return Windows(
-        np.stack([row[0] for row in rows]), speed, np.array([row[2] for row in rows]),
-        np.searchsorted(_BANDS[kind], speed.mean(axis=1)), np.array([row[3] for row in rows]),
-        np.array([row[4] for row in rows], dtype=np.bool_),
-    )  # fmt: skip
 
 
 def _cut_track(track: Track) -> Iterator[tuple[FloatArray, FloatArray, float]]:
@@ -248,7 +227,7 @@ def _classify_situation(speed: FloatArray, turned: float, kind: AgentClass) -> s
     return "goes on"
 
 
-def find_constant_speed(windows: Windows) -> list[bool]:
+def find_constant_speed(windows: Iterable[MotionWindow]) -> list[bool]:
     """Return for each moving window whether its first 3 s keep one speed within 0.05 m/s."""
-    speed = windows.speed[:, :31]
-    return [bool(np.ptp(row) <= 0.1) for row in speed[speed.min(axis=1) > _STANDS]]
+    speeds = (window.speed[:31] for window in windows)
+    return [bool(np.ptp(speed) <= 0.1) for speed in speeds if speed.min() > _STANDS]

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from scenewright.dataset.batch.rows import choose_folder
 from scenewright.dataset.tables.markdown import format_table
 from scenewright.errors import InputError
-from scenewright.evals.planning import PlanningShare, does_time_fit
+from scenewright.evals.bootstrap import Figure
+from scenewright.evals.planning import does_time_fit
 from scenewright.geometry.map_areas import geos
 from scenewright.graph.scene_files import load_scene
 from scenewright.graph.verify import load_tracks, verify, verify_tracks
 from scenewright.intersections import load_map
-from scenewright.scene.base import Compass, FloatArray
+from scenewright.scene.base import Compass
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.relation_checker import RoadUser, read_users
+from scenewright.tools.relation_checker import RoadUser, build_trajectory, read_users
+from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 
 Label = Mapping[str, Any]
 _DIRECTED = frozenset({"yielding", "follow"})
@@ -73,7 +73,7 @@ def _find_fault(label: Label, submission: Submission) -> str | None:
         return f"is at {ours}, not at {time}"
     relations = [each for each in label["relations"] if each["type"] != "normal"]
     missing = "what was asked for does not happen between such agents"
-    for bound, pairs in _list_bindings(relations, label, submission, {}, frozenset()):
+    for bound, pairs in _list_bindings(relations, label, submission):
         named = frozenset(bound.values())
         # What the certificate of no other interaction forbids (SEMANTICS 4).
         stray = [
@@ -105,36 +105,27 @@ def _find_fault(label: Label, submission: Submission) -> str | None:
 
 
 def _list_bindings(
-    relations: Sequence[Mapping[str, Any]],
-    label: Label,
-    submission: Submission,
-    bound: dict[str, int],
-    pairs: frozenset[frozenset[int]],
-) -> Iterator[tuple[dict[str, int], frozenset[frozenset[int]]]]:
+    relations: Sequence[Mapping[str, Any]], label: Label, submission: Submission
+) -> Iterator[tuple[dict[str, int], set[frozenset[int]]]]:
     """Every way of giving the relations' agents to tracks so that each relation is an event."""
-    if not relations:
-        yield bound, pairs
-        return
-    first, *rest = relations
     wanted = {each["id"]: each for each in label["agents"]}
     seen = {each.id: each for each in submission.agents}
-    for event in submission.events:
-        if event.type != first["type"]:
-            continue
-        ends = [(event.from_, event.to)]
+    choices: list[list[dict[str, int]]] = []
+    for relation in relations:
+        names = relation["from"], relation["to"]
+        ends = [(e.from_, e.to) for e in submission.events if e.type == relation["type"]]
         # Labels name the yielding and the following agent, not always the striking one.
-        if event.type not in _DIRECTED:
-            ends.append((event.to, event.from_))
-        for pair in ends:
-            named = dict(zip((first["from"], first["to"]), pair, strict=True))
-            both = {**bound, **named}
-            # Names and tracks stay one to one.
-            if len({*both.values()}) == len(both) and all(
-                bound.get(name, n) == n and is_like(wanted[name], seen[n])
-                for name, n in named.items()
-            ):
-                more = pairs | {_pair(event)}
-                yield from _list_bindings(rest, label, submission, both, more)
+        turned = () if relation["type"] in _DIRECTED else (pair[::-1] for pair in ends)
+        given = (dict(zip(names, pair, strict=True)) for pair in (*ends, *turned))
+        choices.append(
+            [own for own in given if all(is_like(wanted[k], seen[n]) for k, n in own.items())]
+        )
+    for chosen in product(*choices):
+        named = {item for pair in chosen for item in pair.items()}
+        bound = dict(named)
+        # Names and tracks stay one to one.
+        if len(named) == len(bound) == len({*bound.values()}):
+            yield bound, {frozenset(pair.values()) for pair in chosen}
 
 
 def _pair(event: Event) -> frozenset[int]:
@@ -164,23 +155,22 @@ RATES: Mapping[str, str] = {
 
 def count_verdicts(
     verdicts: Sequence[Verdict], rows: Sequence[Mapping[str, Any]]
-) -> dict[str, PlanningShare]:
+) -> dict[str, Figure]:
     """The figures of `RATES`, each with its n."""
     counts = Counter(each.outcome for each in verdicts)
     impossible = sum(bool(row["expected"]["refused"]) for row in rows)
     possible, made = len(rows) - impossible, counts["satisfied"] + counts["wrong"]
     return {
-        "satisfied": PlanningShare(counts["satisfied"], possible),
-        "false": PlanningShare(counts["wrong"], made),
-        "refused": PlanningShare(counts["refused"], possible),
-        "rightly refused": PlanningShare(counts["rightly_refused"], impossible),
+        "satisfied": Figure.of_count(counts["satisfied"], possible),
+        "false": Figure.of_count(counts["wrong"], made),
+        "refused": Figure.of_count(counts["refused"], possible),
+        "rightly refused": Figure.of_count(counts["rightly_refused"], impossible),
     }
 
 
-def to_markdown(shares: Mapping[str, PlanningShare], verdicts: Sequence[Verdict]) -> str:
+def to_markdown(shares: Mapping[str, Figure], verdicts: Sequence[Verdict]) -> str:
     """The figures, and why scenes are wrong."""
-    rows = [[RATES[name], f"{s.right} / {s.n}", format_share(s.to_json())]
-            for name, s in shares.items()]  # fmt: skip
+    rows = [[RATES[name], f"{s.count} / {s.n}", f"{s:.1%}"] for name, s in shares.items()]
     reasons = Counter[str]()
     for each in verdicts:
         if each.outcome == "wrong":  # counted without numbers, names and quotes
@@ -188,17 +178,8 @@ def to_markdown(shares: Mapping[str, PlanningShare], verdicts: Sequence[Verdict]
             reasons[" ".join(words[: 2 if words[:1] == ["unasked"] else 4])] += 1
     parts = [format_table(["figure", "count", "share [95 %]"], rows)]
     if reasons:
-        parts.append(format_table(["why scenes are wrong", "scenes"],
-                                  [[k, str(n)] for k, n in reasons.most_common()]))  # fmt: skip
+        parts.append(format_table(["why scenes are wrong", "scenes"], reasons.most_common()))
     return "\n\n".join(parts) + "\n"
-
-
-def format_share(figure: Mapping[str, Any]) -> str:
-    """Format `rate` and `interval` in percent."""
-    if figure["rate"] is None:
-        return "–"
-    low, high = figure["interval"]
-    return f"{100 * figure['rate']:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
 
 
 def read_submission(folder: Path, identity: str, *, intersection: str) -> Submission | None:
@@ -236,14 +217,6 @@ def read_submission(folder: Path, identity: str, *, intersection: str) -> Submis
     return Submission(agents, verify_tracks(tracks, intersection=intersection))
 
 
-_ALONG = math.radians(50.0)
-"""A vehicle on a leg moves within this of the leg's direction."""
-_BESIDE = math.radians(35.0)
-"""A vehicle on a leg lies within this of the leg's bearing from the middle."""
-_OUTSIDE = 12.0
-"""Nearer to the middle than this a vehicle is on no leg [m]."""
-_WAY = 1.0
-"""Way over which the direction at an end of a track is measured [m]."""
 _CROSSED = 2.0
 """A pedestrian crosses where at least this much of its way lies on the crosswalk or road [m]."""
 
@@ -262,8 +235,8 @@ class SeenAgent:
 
     id: int
     type: str
-    entry: Compass | None
-    exit: Compass | None
+    entry: str | None
+    exit: str | None
     movement: str | None
     crosswalks: frozenset[Compass]
 
@@ -271,10 +244,12 @@ class SeenAgent:
 def see_agents(users: Iterable[RoadUser], intersection: IntersectionMap) -> list[SeenAgent]:
     """Every road user of a scene, as the map lets its track be read."""
     found = []
-    turns = {(each.entry, each.exit): each.turn for each in intersection.movements}
+    turns: dict[tuple[str | None, str | None], str] = {
+        (each.entry, each.exit): each.turn for each in intersection.movements
+    }
     for user in users:
-        xy = user.track.xy
         if user.shape.type == "pedestrian":
+            xy = user.track.xy
             way = geos.LineString(xy) if len(xy) > 1 else geos.LineString()
             walks = ((each.leg, geos.Polygon(each.polygon)) for each in intersection.crosswalks)
             used = frozenset(leg for leg, area in walks if way.intersection(area).length > _CROSSED)
@@ -283,27 +258,7 @@ def see_agents(users: Iterable[RoadUser], intersection: IntersectionMap) -> list
             movement = "crossing" if used else "jaywalking" if on_road else None
             found.append(SeenAgent(user.id, "pedestrian", None, None, movement, used))
             continue
-        entry, leaving = _find_leg(xy, intersection), _find_leg(xy[::-1], intersection)
-        movement = turns.get((entry, leaving)) if entry and leaving else None
-        found.append(SeenAgent(user.id, user.shape.type, entry, leaving, movement, frozenset()))
+        track = build_trajectory(user)
+        legs = find_entry_leg(track, intersection), find_exit_leg(track, intersection)
+        found.append(SeenAgent(user.id, user.shape.type, *legs, turns.get(legs), frozenset()))
     return found
-
-
-def _find_leg(xy: FloatArray, intersection: IntersectionMap) -> Compass | None:
-    """The leg on which a way begins (or, given backwards, ends); None where it is on none."""
-    away = np.hypot(*(xy - xy[0]).T)
-    if away.max() < _WAY or np.hypot(*xy[0]) < _OUTSIDE:
-        return None
-    ahead = xy[int(np.argmax(away >= _WAY))] - xy[0]
-    outward = math.atan2(-ahead[1], -ahead[0])
-    place = math.atan2(xy[0][1], xy[0][0])
-    near = [
-        (_differ(place, leg.bearing), leg.name)
-        for leg in intersection.legs
-        if _differ(place, leg.bearing) < _BESIDE and _differ(outward, leg.bearing) < _ALONG
-    ]
-    return min(near)[1] if near else None
-
-
-def _differ(a: float, b: float) -> float:
-    return abs(math.remainder(a - b, math.tau))

@@ -27,7 +27,7 @@ import numpy as np
 
 from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
-from scenewright.evals.bootstrap import compute_interval
+from scenewright.evals.bootstrap import Figure, build_figure, draw_weights
 from scenewright.evals.realism.sources import Stretch, clip
 from scenewright.evals.tables.likelihood import find_nearest_on
 from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks
@@ -61,11 +61,12 @@ class CorpusWindows:
 
 @dataclass(frozen=True)
 class Spread:
-    """One ratio with its interval (95 %, resampled); spreads in the unit named.
+    """One ratio of standard deviations, in the unit named.
 
     Attributes:
         what, group: such as `lateral position` of `vehicle`.
-        ours, corpus: standard deviations; n, n_corpus: values that they are of.
+        ours, corpus: standard deviations; ratio: of the two, n values resampled; n_corpus: values
+            of the corpus; enough: whether the ratio is at least 0.8.
         whole: standard deviation in the corpus' windows as they are, of whatever traffic and 30 s
             long; None where the corpus is not cut.
     """
@@ -75,26 +76,11 @@ class Spread:
     unit: str
     ours: float
     corpus: float
-    n: int
     n_corpus: int
-    low: float
-    high: float
+    ratio: Figure
+    enough: bool
     whole: float | None = None
-
-    @property
-    def ratio(self) -> float:
-        """Ours over the corpus'."""
-        return self.ours / self.corpus
-
-    @property
-    def ratio_to_whole(self) -> float | None:
-        """Ours over that of the corpus' windows as they are."""
-        return None if self.whole is None else self.ours / self.whole
-
-    @property
-    def enough(self) -> bool:
-        """Whether the ratio is at least 0.8."""
-        return self.ratio >= BAR
+    ratio_to_whole: float | None = None
 
 
 def compare_lateral_positions(
@@ -120,23 +106,30 @@ def compare_lateral_positions(
             continue
         # Every route weighs as much on both sides: as many agents as it has in the dataset.
         agents = sum(map(len, mine.values()))
-        weights = [len(rows) / agents for rows in mine.values()]
+        share = np.array([len(rows) / agents for rows in mine.values()])
         known = [held[route].offsets for route in mine]
-        spread, corpus = _pool_deviations(mine.values(), weights), _pool_deviations(known, weights)
-        rng = np.random.default_rng(seed)
-        again = [
-            _pool_deviations([_resample_rows(rows, rng) for rows in mine.values()], weights)
-            for _ in range(draws)
-        ]
+        spread = _compute_deviation(mine.values(), share, draws=draws, seed=seed)
         # Drawing anew from few agents repeats some and narrows; the mean of the draws shows how
         # much.
-        level = spread / max(float(np.mean(again)), 1e-9)
-        interval = compute_interval(np.array(again) * level / corpus)
-        count = sum(map(len, known))
-        found.append(
-            Spread("lateral position", kind, "m", spread, corpus, agents, count, *interval)
-        )
+        spread[1:] *= spread[0] / max(float(np.mean(spread[1:])), 1e-9)
+        corpus = float(_compute_deviation(known, share)[0])
+        name = ("lateral position", kind, "m")
+        found.append(_build_spread(name, spread, agents, corpus, sum(map(len, known))))
     return found
+
+
+def _build_spread(
+    name: tuple[str, str, str],
+    spread: FloatArray,
+    n: int,
+    corpus: float,
+    n_corpus: int,
+    whole: float | None = None,
+) -> Spread:
+    """Build the ratio of a deviation [1 + draws] in the data, then in resamples, to the corpus'."""
+    ratio, ours = build_figure(spread / corpus, n), float(spread[0])
+    to_whole = None if whole is None else ours / whole
+    return Spread(*name, ours, corpus, n_corpus, ratio, ours / corpus >= BAR, whole, to_whole)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,21 +167,34 @@ def load_held_out(bundle: str | Path) -> dict[str, HeldOutTracks]:
     return found
 
 
-def _resample_rows(rows: FloatArray, rng: np.random.Generator) -> FloatArray:
-    return np.asarray(rows[rng.integers(len(rows), size=len(rows))])
+def _compute_variances(
+    values: FloatArray, *, draws: int = 0, seed: int | np.random.Generator = 0
+) -> FloatArray:
+    """[1 + draws, D] variances of columns [n, D] of the data, then of resamples; NaN is left out.
+
+    NaN also where fewer than three rows are known.
+    """
+    weights, known = draw_weights(len(values), draws=draws, seed=seed), ~np.isnan(values)
+    middle = np.where(known, values, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    away = np.where(known, values - middle, 0.0)
+    count = np.where(weights @ known >= 3, weights @ known, np.nan)
+    return np.asarray((weights @ away**2 - (weights @ away) ** 2 / count) / (count - 1))
 
 
-def _pool_deviations(parts: Iterable[FloatArray], weights: Sequence[float]) -> float:
-    """Root of the weighed mean over routes of the variance of their offsets [n, K] to the left.
+def _compute_deviation(
+    routes: Iterable[FloatArray], share: FloatArray, *, draws: int = 0, seed: int = 0
+) -> FloatArray:
+    """[1 + draws] root of the weighed mean over routes of the variance of offsets [n, K].
 
     Of a route it is the mean over the K stations, without those that fewer than three pass.
     """
-    variances = []
-    for offsets in parts:
-        passed = (~np.isnan(offsets)).sum(axis=0) >= 3
-        known = np.nanvar(offsets[:, passed], axis=0, ddof=1) if passed.any() else np.zeros(1)
-        variances.append(float(known.mean()))
-    return float(np.sqrt(np.dot(variances, weights)))
+    rng = np.random.default_rng(seed)
+    means = []
+    for offsets in routes:
+        variances = _compute_variances(offsets, draws=draws, seed=rng)
+        passed = (~np.isnan(variances)).sum(axis=1)
+        means.append(np.nansum(variances, axis=1) / np.maximum(passed, 1))
+    return np.asarray(np.sqrt(share @ means))
 
 
 def compare_speeds(
@@ -241,17 +247,13 @@ def _compare_spread(
     ours, beside, whole = values
     if min(len(ours), len(beside)) < FEWEST:
         return []
-    rng = np.random.default_rng(seed)
-    spread, base = _compute_deviation(ours), _compute_deviation(beside)
-    again = [_compute_deviation(_resample_rows(ours, rng)) / base for _ in range(draws)]
-    interval = compute_interval(np.array(again))
-    of_whole = _compute_deviation(whole) if len(whole) >= FEWEST else None
-    return [Spread(what, group, unit, spread, base, len(ours), len(beside), *interval, of_whole)]
 
+    def compute_deviation(rows: FloatArray, draws: int = 0) -> FloatArray:
+        return np.asarray(np.sqrt(_compute_variances(rows, draws=draws, seed=seed).sum(axis=1)))
 
-def _compute_deviation(values: FloatArray) -> float:
-    """Root of the summed variances of all columns."""
-    return float(np.sqrt(values.var(axis=0, ddof=1).sum()))
+    of_whole = float(compute_deviation(whole)[0]) if len(whole) >= FEWEST else None
+    spread, corpus = compute_deviation(ours, draws), float(compute_deviation(beside)[0])
+    return [_build_spread((what, group, unit), spread, len(ours), corpus, len(beside), of_whole)]
 
 
 def match_windows(

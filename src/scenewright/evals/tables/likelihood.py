@@ -21,11 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.bootstrap import (
-    compute_interval,
-    draw_resamples,
-    resample_ratio,
-)
+from scenewright.evals.bootstrap import Figure, build_figure, resample_ratio
 from scenewright.evals.tables.reading import Dataset
 from scenewright.geometry.map_areas import geos
 from scenewright.geometry.polyline import measure_arc_lengths, resample_to_count
@@ -40,6 +36,8 @@ READINGS: tuple[Reading, ...] = ("track", "path")
 CLASSES: tuple[AgentClass, ...] = ("pedestrian", "vehicle")
 """Those that the corpus has, so that there is a prior of how they go."""
 Role = Literal["foreground", "background"]
+ROLES: tuple[Role, ...] = ("foreground", "background")
+EVENTS = ("collision", "yielding", "near_miss", "follow")
 _AT_AN_END, _THE_SAME = 1e-3, 2e-3
 """Positions have millimetres [m]."""
 _BESIDE = 2.5
@@ -67,28 +65,6 @@ class AgentScore:
 Unscored = Literal["assumed", "standing", "riders"]
 """Why an agent has no score: on a route without tracks in the corpus; standing all along; on a
 bicycle or an e-scooter, on routes whose prior is that of cars or pedestrians."""
-
-
-@dataclass(frozen=True)
-class Gap:
-    """One cell of Table 1, 4 or 5: agents of one class and role in scenes of one event.
-
-    Attributes:
-        nll: mean [nats per ten waypoints]; normal: that of the reference; median: of the agents.
-        s2r: Eq. 8 as printed, with its sign; its size is what the paper's tables show.
-        delta: (nll - normal) / 10 [nats per waypoint], free of the unit of length.
-        s2r_interval, delta_interval: 95 %, scenes drawn anew with replacement.
-    """
-
-    agents: int
-    scenes: int
-    nll: float
-    normal: float
-    median: float
-    s2r: float
-    delta: float
-    s2r_interval: tuple[float, float]
-    delta_interval: tuple[float, float]
 
 
 def score_scene(
@@ -143,70 +119,64 @@ def find_nearest_on(xy: FloatArray, points: FloatArray) -> tuple[FloatArray, NDA
     return places, (within & (off < _BESIDE)) | (off < _THE_SAME)
 
 
-def compute_gap(
-    scores: Sequence[AgentScore],
-    normal: Sequence[AgentScore],
-    reading: Reading,
-    *,
-    draws: int,
-    rng: np.random.Generator,
-) -> Gap | None:
-    """The gap of some agents to the normal ones; None where either is empty."""
-    if not scores or not normal:
-        return None
-    nll, again, scenes = _resample_mean(scores, reading, draws=draws, rng=rng)
-    base, against, _ = _resample_mean(normal, reading, draws=draws, rng=rng)
-    return Gap(
-        agents=len(scores), scenes=scenes, nll=nll, normal=base,
-        median=float(np.median([each.nll[reading] for each in scores])),
-        s2r=(base - nll) / base, delta=(nll - base) / K,
-        s2r_interval=compute_interval((against - again) / against),
-        delta_interval=compute_interval((again - against) / K),
-    )  # fmt: skip
-
-
-def _resample_mean(
-    scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
-) -> tuple[float, FloatArray, int]:
-    """Mean NLL, that of [draws] resamples of the scenes, and how many scenes there are."""
-    nll = np.array([each.nll[reading] for each in scores])
-    scene = np.unique([each.scene for each in scores], return_inverse=True)[1]
-    count = np.bincount(scene)
-    drawn = draw_resamples(len(count), draws=draws, seed=rng)
-    return float(nll.mean()), resample_ratio(np.bincount(scene, nll), count, drawn), len(count)
-
-
-ROLES: tuple[Role, ...] = ("foreground", "background")
-EVENTS = ("collision", "yielding", "near_miss", "follow")
-
-
 @dataclass(frozen=True)
-class NormalScenes:
-    """NLL of normal scenes: the first row of Table 1.
+class LikelihoodCell:
+    """One cell of Table 1, 4 or 5: agents of one class and role in scenes of one event.
 
     Attributes:
-        nll: mean, as in the paper; median: of the agents, which a few cut tracks do not rule.
+        backend, role: None of normal scenes, which are those of all backends and roles.
+        nll: mean [nats per ten waypoints] of n agents; median: of them, which a few cut tracks do
+            not rule.
+        s2r: Eq. 8 as printed, with its sign; its size is what the paper's tables show.
+        delta: NLL less that of normal scenes, / 10 [nats per waypoint], free of the unit of length.
     """
 
+    backend: str | None
+    event: str
+    role: Role | None
     type: AgentClass
     reading: Reading
     scenes: int
-    agents: int
-    nll: float
-    interval: tuple[float, float]
-    median: float
+    nll: Figure
+    median: float | None
+    s2r: Figure
+    delta: Figure
 
 
-@dataclass(frozen=True)
-class FidelityCell:
-    """One cell; None where no such agent is in the dataset."""
+def resample_nll(
+    scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
+) -> FloatArray:
+    """[1 + draws] mean NLL of agents, then of those in each resample of their scenes."""
+    nll = np.array([score.nll[reading] for score in scores], dtype=np.float64)
+    scene = np.array([score.scene for score in scores], dtype=np.int64)
+    return resample_ratio(nll, np.ones(len(nll)), scene, draws=draws, seed=rng)
 
-    backend: str
-    event: str
-    role: Role
-    type: AgentClass
-    reading: Reading
-    gap: Gap | None
+
+def compute_cell(
+    scores: Sequence[AgentScore],
+    normal: FloatArray,
+    rng: np.random.Generator,
+    *,
+    backend: str | None = None,
+    event: str = "normal",
+    role: Role | None = None,
+    kind: AgentClass,
+    reading: Reading,
+) -> LikelihoodCell:
+    """Compute the cell of some agents.
+
+    Args:
+        normal: [1 + draws] mean NLL of normal scenes (`resample_nll`), NaN if there are none.
+    """
+    means, n = resample_nll(scores, reading, draws=len(normal) - 1, rng=rng), len(scores)
+    return LikelihoodCell(
+        backend, event, role, kind, reading,
+        scenes=len({score.scene for score in scores}),
+        nll=build_figure(means, n),
+        median=float(np.median([score.nll[reading] for score in scores])) if n else None,
+        s2r=build_figure((normal - means) / normal, n),
+        delta=build_figure((means - normal) / K, n),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -214,11 +184,12 @@ class Fidelity:
     """All of it.
 
     Attributes:
+        references: the cells of normal scenes, the first row of Table 1; cells: of events.
         left: agents without a score; mixed: scenes with several kinds of events, left out.
     """
 
-    references: tuple[NormalScenes, ...]
-    cells: tuple[FidelityCell, ...]
+    references: tuple[LikelihoodCell, ...]
+    cells: tuple[LikelihoodCell, ...]
     left: Mapping[Unscored, int]
     mixed: int
 
@@ -240,21 +211,20 @@ def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
         left.update(without)
     normals = [score for own in scores.values() for score in own if score.group == "normal"]
     rng = np.random.default_rng(seed)
-    normal = {kind: [each for each in normals if each.type == kind] for kind in CLASSES}
-    references = []
+    references, means = [], {}
     for reading, kind in product(READINGS, CLASSES):
-        if own := normal[kind]:
-            mean, again, scenes = _resample_mean(own, reading, draws=draws, rng=rng)
-            median = float(np.median([each.nll[reading] for each in own]))
-            interval = compute_interval(again)
-            references.append(NormalScenes(kind, reading, scenes, len(own), mean, interval, median))
+        own = [score for score in normals if score.type == kind]
+        means[kind, reading] = resample_nll(own, reading, draws=draws, rng=rng)
+        unknown = np.full(1 + draws, np.nan)
+        references += [compute_cell(own, unknown, rng, kind=kind, reading=reading)] if own else []
     cells = []
     for backend, mine in scores.items():
-        present = {each.group for each in mine}
-        for event, role, kind in product((e for e in EVENTS if e in present), ROLES, CLASSES):
-            cell = (event, role, kind)
-            agents = [each for each in mine if (each.group, each.role, each.type) == cell]
-            for reading in READINGS:
-                gap = compute_gap(agents, normal[kind], reading, draws=draws, rng=rng)
-                cells.append(FidelityCell(backend, event, role, kind, reading, gap))
-    return Fidelity(tuple(references), tuple(cells), left, mixed)
+        present = [event for event in EVENTS if any(score.group == event for score in mine)]
+        for event, role, kind, reading in product(present, ROLES, CLASSES, READINGS):
+            own = [s for s in mine if (s.group, s.role, s.type) == (event, role, kind)]
+            cell = compute_cell(
+                own, means[kind, reading], rng,
+                backend=backend, event=event, role=role, kind=kind, reading=reading,
+            )  # fmt: skip
+            cells.append(cell)
+    return Fidelity(tuple(references), tuple(cells), dict(left), mixed)

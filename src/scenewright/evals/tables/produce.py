@@ -59,12 +59,12 @@ class Tables:
         about: dataset, versions, commit, seed, counts.
     """
 
-    fidelity: Fidelity
-    rates: tuple[RobustnessRate, ...]
-    near: tuple[ReferenceDistance, ...]
-    spreads: tuple[Spread, ...]
-    understanding: Mapping[str, Any]
     about: Mapping[str, Any]
+    fidelity: Fidelity
+    robustness: Sequence[RobustnessRate]
+    understanding: Mapping[str, Sequence[str]]
+    nearness: Sequence[ReferenceDistance]
+    diversity: Sequence[Spread]
 
 
 def make_tables(
@@ -106,26 +106,21 @@ def make_tables(
         more, beside = _compare_with_traffic(dataset, corpus, real, place, few, seed, log)
         near += beside
         spreads += more
-    return Tables(
-        found,
-        compute_robustness(dataset),
-        tuple(near),
-        tuple(spreads),
-        produce_table_3(folder, log=log) if understand else {},
-        {
-            "dataset": {key: manifest[key] for key in _SAID if key in manifest},
-            "dataset seed": manifest.get("seed"),
-            "rows": dict(manifest["rows"]),
-            "complete": manifest.get("complete"),
-            "made by scenewright": manifest.get("scenewright"),
-            "measured by scenewright": __version__,
-            "commit": find_commit(),
-            "out of scope": sum(not row.scope for row in dataset.rows),
-            "draws": draws,
-            "seed of intervals": seed,
-            "corpus": None if corpus is None else corpus.name,
-        },
-    )
+    about = {
+        "dataset": {key: manifest[key] for key in _SAID if key in manifest},
+        "dataset seed": manifest.get("seed"),
+        "rows": dict(manifest["rows"]),
+        "complete": manifest.get("complete"),
+        "made by scenewright": manifest.get("scenewright"),
+        "measured by scenewright": __version__,
+        "commit": find_commit(),
+        "out of scope": sum(not row.scope for row in dataset.rows),
+        "draws": draws,
+        "seed of intervals": seed,
+        "corpus": None if corpus is None else corpus.name,
+    }
+    table_3 = produce_table_3(folder, log=log) if understand else {}
+    return Tables(about, found, compute_robustness(dataset), table_3, near, spreads)
 
 
 def produce_table_3(

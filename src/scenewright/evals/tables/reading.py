@@ -12,7 +12,7 @@ from typing import Any
 from scenewright.dataset.batch.manifest import read_manifest
 from scenewright.dataset.tables.parquet import read_table
 from scenewright.errors import InputError
-from scenewright.evals.planning import PlanningShare
+from scenewright.evals.bootstrap import Figure
 from scenewright.graph.scene_files import load_scene
 from scenewright.scene.record import SceneRecord
 
@@ -107,7 +107,7 @@ class RobustnessRate:
 
     backend: str
     event: str
-    share: PlanningShare
+    share: Figure
 
 
 def compute_robustness(dataset: Dataset) -> tuple[RobustnessRate, ...]:
@@ -124,7 +124,9 @@ def compute_robustness(dataset: Dataset) -> tuple[RobustnessRate, ...]:
         groups["all"] = mine
         groups["given"] = given if len(given) > len(mine) else []
         found += [
-            RobustnessRate(backend, event, PlanningShare(sum(r.verified for r in rows), len(rows)))
+            RobustnessRate(
+                backend, event, Figure.of_count(sum(r.verified for r in rows), len(rows))
+            )
             for event, rows in groups.items()
             if rows
         ]

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
+from importlib.resources import files
 from typing import Any
 
 from scenewright.dataset.tables.markdown import format_table
-from scenewright.evals.tables import paper
+from scenewright.evals.records import format_records
 from scenewright.evals.tables.diversity import BAR, Spread
-from scenewright.evals.tables.likelihood import READINGS
-from scenewright.evals.tables.nearness import UNITS, ReferenceDistance
+from scenewright.evals.tables.likelihood import READINGS, Fidelity
+from scenewright.evals.tables.nearness import ReferenceDistance
 from scenewright.evals.tables.produce import INTENT_AT, RELATION_AT, Tables
+from scenewright.evals.tables.reading import RobustnessRate
 from scenewright.scene.candidates import K
 
 _READ = {
@@ -34,49 +37,15 @@ _UNITS = (
 )
 
 
+PAPER: Mapping[str, Any] = tomllib.loads(
+    files(__package__).joinpath("paper.toml").read_text(encoding="utf-8")
+)
+"""The paper's own numbers, as printed."""
+
+
 def to_json(tables: Tables) -> dict[str, Any]:
     """Plain JSON."""
-    return {
-        "schema_version": 1,
-        "about": dict(tables.about),
-        "fidelity": {
-            "references": [asdict(each) for each in tables.fidelity.references],
-            "cells": [asdict(each) for each in tables.fidelity.cells],
-            "agents without a score": dict(tables.fidelity.left),
-            "scenes of several kinds": tables.fidelity.mixed,
-        },
-        "robustness": [
-            {
-                "backend": each.backend,
-                "event": each.event,
-                "verified": each.share.right,
-                "n": each.share.n,
-                "rate": each.share.rate,
-                "interval": each.share.interval,
-            }
-            for each in tables.rates
-        ],
-        "understanding": dict(tables.understanding),
-        "nearness": [{**asdict(each), "unit": UNITS[each.measure]} for each in tables.near],
-        "diversity": [
-            {
-                **asdict(each),
-                "ratio": each.ratio,
-                "enough": each.enough,
-                "ratio to whole windows": each.ratio_to_whole,
-            }
-            for each in tables.spreads
-        ],
-        "paper": {
-            "normal NLL": dict(paper.NORMAL_NLL),
-            "S2R": {
-                name: {", ".join(key): value for key, value in gaps.items()}
-                for name, gaps in paper.GAPS.items()
-            },
-            "ISR": {name: dict(rates) for name, rates in paper.SATISFIED.items()},
-            "understanding": {name: list(row) for name, row in paper.UNDERSTANDING.items()},
-        },
-    }
+    return {"schema_version": 2, **asdict(tables), "paper": PAPER}
 
 
 def format_markdown(tables: Tables) -> str:
@@ -84,11 +53,11 @@ def format_markdown(tables: Tables) -> str:
     parts = [
         "# Tables",
         *_format_about(tables),
-        *_format_fidelity(tables),
-        *_format_robustness(tables),
-        *_format_understanding(tables),
-        *_format_distances(tables.near),
-        *_format_diversity(tables.spreads),
+        *_format_fidelity(tables.fidelity),
+        *_format_robustness(tables.robustness),
+        *_format_understanding(tables.understanding),
+        *_format_distances(tables.nearness),
+        *_format_diversity(tables.diversity),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -103,8 +72,7 @@ def _format_about(tables: Tables) -> Iterator[str]:
     yield "\n".join(lines)
 
 
-def _format_fidelity(tables: Tables) -> Iterator[str]:
-    found = tables.fidelity
+def _format_fidelity(fidelity: Fidelity) -> Iterator[str]:
     yield "## Tables 1, 4 and 5: likelihood of tracks, and the gap to normal scenes"
     yield (
         "NLL: -log p_wp of ten waypoints in metres, given the route [nats]. S2R: Eq. 8 as printed, "
@@ -113,54 +81,46 @@ def _format_fidelity(tables: Tables) -> Iterator[str]:
         "negative; a positive S2R then means *less* likely than normal."
     )
     yield f"Two readings: {'; '.join(f'*{name}*: {_READ[name]}' for name in READINGS)}."
-    rows = [
-        [r.type, r.reading, f"{r.agents} / {r.scenes}",
-         f"{r.nll:.2f} {_format_interval(r.interval)}",
-         f"{r.median:.2f}", f"{r.nll + CENTIMETRES:.2f}"]
-        for r in found.references
-    ]  # fmt: skip
-    rows += [
+    columns = {
+        "normal scenes": "{type}", "reading": "{reading}", "agents / scenes": "{nll.n} / {scenes}",
+        "NLL": "{nll:.2f}", "median": "{median:.2f}",
+    }  # fmt: skip
+    theirs = [
         [kind, "paper: not stated", "–", f"{nll}, unit not stated", "–", "–"]
-        for kind, nll in paper.NORMAL_NLL.items()
+        for kind, nll in PAPER["normal NLL"].items()
     ]
-    yield format_table(
-        ["normal scenes", "reading", "agents / scenes", "NLL", "median", "NLL in centimetres"], rows
-    )
+    ours = format_records(fidelity.references, columns)
+    for cell, row in zip(fidelity.references, ours, strict=True):
+        row.append(f"{(cell.nll.value or 0.0) + CENTIMETRES:.2f}")
+    yield format_table([*columns, "NLL in centimetres"], [*ours, *theirs])
     yield _UNITS
-    for backend in dict.fromkeys(cell.backend for cell in found.cells):
-        rows = []
-        for cell in (each for each in found.cells if each.backend == backend):
-            key, gap = (cell.event, cell.role, cell.type), cell.gap
-            theirs = [
-                each.get(key, "–") if cell.reading == "path" else "" for each in paper.GAPS.values()
-            ]
-            role = {"foreground": "FG", "background": "BG"}[cell.role]
-            figures = ["0", *["–"] * 5] if gap is None else [
-                f"{gap.agents} / {gap.scenes}", f"{gap.nll:.2f}", f"{gap.median:.2f}",
-                f"{gap.s2r:+.3f} {_format_interval(gap.s2r_interval, 3)}", f"{abs(gap.s2r):.3f}",
-                f"{gap.delta:+.3f} {_format_interval(gap.delta_interval, 3)}",
-            ]  # fmt: skip
-            rows.append([cell.event, role, cell.type, cell.reading, *figures, *theirs])
+    columns = {
+        "event": "{event}", "agents": "{role}", "class": "{type}", "reading": "{reading}",
+        "agents / scenes": "{nll.n} / {scenes}", "NLL": "{nll.value:.2f}", "median": "{median:.2f}",
+        "S2R, signed": "{s2r:+.3f}", "ΔNLL": "{delta:+.3f}",
+    }  # fmt: skip
+    for backend in dict.fromkeys(cell.backend for cell in fidelity.cells):
+        cells = [cell for cell in fidelity.cells if cell.backend == backend]
+        rows = format_records(cells, columns)
+        for cell, row in zip(cells, rows, strict=True):
+            row.append("–" if cell.s2r.value is None else f"{abs(cell.s2r.value):.3f}")
+            key = f"{cell.event}, {cell.role}, {cell.type}"
+            row.extend(
+                sizes.get(key, "–") if cell.reading == "path" else ""
+                for sizes in PAPER["S2R"].values()
+            )
         yield f"### Backend `{backend}`"
-        yield format_table(
-            ["event", "agents", "class", "reading", "agents / scenes", "NLL", "median",
-             "S2R, signed", "size of S2R", "ΔNLL", *(f"paper: {name}" for name in paper.GAPS)],
-            rows,
-        )  # fmt: skip
-    left = found.left
+        yield format_table([*columns, "size of S2R", *(f"paper: {k}" for k in PAPER["S2R"])], rows)
+    left = fidelity.left
     yield (
         f"Without a score: {left['assumed']} agents on routes whose prior is assumed "
         f"(jaywalking), {left['standing']} that stand all along, {left['riders']} on "
         "bicycles and e-scooters, whom the corpus does not have; "
-        f"{found.mixed} scenes with events of several kinds are left out."
+        f"{fidelity.mixed} scenes with events of several kinds are left out."
     )
 
 
-def _format_interval(interval: tuple[float, float], digits: int = 2) -> str:
-    return f"[{interval[0]:.{digits}f}, {interval[1]:.{digits}f}]"
-
-
-def _format_robustness(tables: Tables) -> Iterator[str]:
+def _format_robustness(rates: Sequence[RobustnessRate]) -> Iterator[str]:
     yield "## Table 2: instruction satisfaction rate"
     yield (
         "Scenes that the checker confirms / instructions given; a refusal counts as a failure. "
@@ -168,31 +128,25 @@ def _format_robustness(tables: Tables) -> Iterator[str]:
         "validity was judged by hand. *all* leaves out what was refused as no request for a "
         "scene, or not understood; *given* has it."
     )
-    rows = [
-        [
-            rate.backend, rate.event, f"{rate.share.right} / {rate.share.n}",
-            f"{100 * (rate.share.rate or 0.0):.2f}",
-            "[{:.1f}, {:.1f}]".format(*(100 * each for each in rate.share.interval or ())),
-        ]
-        for rate in tables.rates
-    ]  # fmt: skip
-    rows += [
-        [f"paper: {name}", event, "", value, ""]
-        for name, rates in paper.SATISFIED.items()
-        for event, value in rates.items()
+    columns = {
+        "backend": "{backend}", "event": "{event}",
+        "verified / given": "{share.count} / {share.n}", "ISR": "{share:.2%}",
+    }  # fmt: skip
+    theirs = [
+        [f"paper: {name}", event, "", f"{value} %"]
+        for name, isr in PAPER["ISR"].items()
+        for event, value in isr.items()
     ]
-    yield format_table(["backend", "event", "verified / given", "ISR [%]", "95 %"], rows)
+    yield format_table([*columns], [*format_records(rates, columns), *theirs])
 
 
-def _format_understanding(tables: Tables) -> Iterator[str]:
+def _format_understanding(rows: Mapping[str, Sequence[str]]) -> Iterator[str]:
     yield "## Table 3: understanding"
     head = [
         "method", "intent: pedestrian", "vehicle", "overall", "F1: normal", "collision",
         "yielding", "overall", "s / scene",
     ]  # fmt: skip
-    ours = [[name, *map(str, row)] for name, row in tables.understanding.items()]
-    rows = [[f"paper: {name}", *row] for name, row in paper.UNDERSTANDING.items()]
-    if not ours:
+    if not rows:
         yield "Not measured here; `scenewright evals understanding` does that."
     else:
         yield (
@@ -201,7 +155,8 @@ def _format_understanding(tables: Tables) -> Iterator[str]:
             "its overall is not the mean of its columns. All windows, methods and definitions: "
             "`scenewright evals understanding`."
         )
-    yield format_table(head, [*ours, *rows])
+    theirs = [[f"paper: {name}", *row] for name, row in PAPER["understanding"].items()]
+    yield format_table(head, [*([name, *row] for name, row in rows.items()), *theirs])
 
 
 def _format_distances(near: Sequence[ReferenceDistance]) -> Iterator[str]:
@@ -211,25 +166,15 @@ def _format_distances(near: Sequence[ReferenceDistance]) -> Iterator[str]:
         return
     yield (
         "First Wasserstein distances, 95 % over resampled scenes; *halves* is the distance between "
-        "two halves of the reference. Against real tracks both sides are smoothed over 1 s."
+        "two halves of the reference. Against real tracks both sides are smoothed over 1 s. "
+        "Quantiles: 5, 50 and 95 %."
     )
-    rows = []
-    for each in near:
-        d, spans = each.distance, (each.quantiles, each.reference_quantiles)
-        figures = ["–"] * 3 if d is None else [
-            f"{d.value:.3f} {UNITS[each.measure]}", _format_interval((d.low, d.high), 3),
-            f"{d.n} / {d.n_reference}",
-        ]  # fmt: skip
-        rows.append([
-            each.measure, each.group, each.reference, *figures,
-            "–" if each.halves is None else f"{each.halves:.3f}",
-            *("–" if v is None else f"{v[1]:.2f}, {v[0]:.2f}–{v[2]:.2f}" for v in spans),
-        ])  # fmt: skip
-    yield format_table(
-        ["measure", "whose", "against", "W1", "95 %", "n / reference", "halves",
-         "median, 5–95 %", "reference"],
-        rows,
-    )  # fmt: skip
+    columns = {
+        "measure": "{measure} [{unit}]", "whose": "{group}", "against": "{reference}",
+        "W1": "{distance:.3f}", "n / reference": "{distance.n} / {n_reference}",
+        "halves": "{halves:.3f}", "quantiles": "{quantiles}", "reference": "{reference_quantiles}",
+    }  # fmt: skip
+    yield format_table([*columns], format_records(near, columns))
 
 
 def _format_diversity(spreads: Sequence[Spread]) -> Iterator[str]:
@@ -239,16 +184,10 @@ def _format_diversity(spreads: Sequence[Spread]) -> Iterator[str]:
         "resampled agents or events. Speeds and events of the corpus are those of windows as long "
         "as the scenes and with as many vehicles; *all windows* are 30 s long, of any traffic."
     )
-    rows = [
-        [
-            each.what, each.group, f"{each.ours:.2f} {each.unit}", f"{each.corpus:.2f} {each.unit}",
-            f"{each.ratio:.2f} {_format_interval((each.low, each.high))}",
-            f"{each.n} / {each.n_corpus}", "yes" if each.enough else "**no**",
-            "–" if each.ratio_to_whole is None else f"{each.ratio_to_whole:.2f}",
-        ]
-        for each in spreads
-    ]  # fmt: skip
-    yield format_table(
-        ["what", "whose", "dataset", "corpus", "ratio", "n / corpus", "enough", "to all windows"],
-        rows,
-    )
+    columns = {
+        "what": "{what}", "whose": "{group}", "dataset": "{ours:.2f} {unit}",
+        "corpus": "{corpus:.2f} {unit}", "ratio": "{ratio:.2f}",
+        "n / corpus": "{ratio.n} / {n_corpus}", "enough": "{enough}",
+        "to all windows": "{ratio_to_whole:.2f}",
+    }  # fmt: skip
+    yield format_table([*columns], format_records(spreads, columns))

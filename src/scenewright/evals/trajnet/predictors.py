@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,40 +19,19 @@ if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.model import Refiner
 
 
-class Predictor(Protocol):
-    """Predicts all agents of many scenes."""
+Predictor = Callable[..., list[FloatArray]]
+"""Predicts all agents of many scenes: of each scene [N, 12, 2] [m].
 
-    def __call__(
-        self,
-        pasts: Sequence[FloatArray],
-        goals: Sequence[FloatArray] | None = None,
-        *,
-        due: float | None = None,
-        step: float = 0.4,
-    ) -> list[FloatArray]:
-        """Predict the motion of all agents.
-
-        Args:
-            pasts: of each scene [N, 9, 2] [m], NaN where unseen; all are seen at the last step.
-            goals: of each scene [N, 2] where they are headed [m], NaN for none; or None.
-            due: predicted step, from 1, at which agents are at their goals; None if unknown.
-            step: [s] between positions.
-
-        Returns:
-            of each scene [N, 12, 2].
-        """
-        ...
+Args:
+    pasts: of each scene [N, 9, 2] [m], NaN where unseen; all are seen at the last step.
+    goals: of each scene [N, 2] where they are headed [m], NaN for none; or None.
+    due: predicted step, from 1, at which agents are at their goals; None if unknown.
+    step: [s] between positions.
+"""
 
 
-def predict_constant_velocity(
-    pasts: Sequence[FloatArray],
-    goals: Sequence[FloatArray] | None = None,
-    *,
-    due: float | None = None,
-    step: float = 0.4,
-) -> list[FloatArray]:
+def predict_constant_velocity(pasts: Sequence[FloatArray], *_: Any, **__: Any) -> list[FloatArray]:
     """Repeat each agent's last step; agents unseen before it stay. Goals are ignored."""
-    del goals, due, step
     ahead = np.arange(1, PREDICTED + 1)[:, None]
     return [past[:, -1:] + ahead * np.nan_to_num(past[:, -1:] - past[:, -2:-1]) for past in pasts]
 

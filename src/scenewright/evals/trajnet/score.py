@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
-from scenewright.evals.bootstrap import Figure, compute_mean, draw_resamples
+from scenewright.evals.bootstrap import Figure, compute_mean
 from scenewright.evals.trajnet.predictors import Predictor, Refining, predict_constant_velocity
 from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, BenchmarkRecording, SceneRow
 from scenewright.scene.base import FloatArray
@@ -103,8 +103,6 @@ def _is_within(angle: FloatArray, centre: float, reach: float) -> NDArray[np.boo
 Goals = Literal["none", "destination", "horizon"]
 """What a predictor is given: nothing; where each pedestrian is last seen in the file, which is the
 benchmark's definition; or where it is at the end of the scene, and that it is there then."""
-MEASURES = ("ade", "fde", "col1", "col2")
-_RESAMPLES = 1000
 TOUCHING = 0.2
 """Two pedestrians collide at this distance or less [m]: twice the benchmark's radius of 0.1 m."""
 PARTS = 2
@@ -285,24 +283,16 @@ class ScoreRow:
     """One kind of scene in a table.
 
     Attributes:
-        name: of the type or subtype; scenes, people: how many.
-        figures: measure -> mean, collisions in percent; people are drawn anew with all scenes.
+        name: of the type or subtype; people: primaries, who are drawn anew with all their scenes.
+        ade, fde: means over n scenes [m]; col1, col2: shares.
     """
 
     name: str
-    scenes: int
     people: int
-    figures: Mapping[str, Figure]
-
-    def to_json(self) -> dict[str, Any]:
-        """For a report."""
-        known = {
-            key: None if f.value is None else [f.low, f.high] for key, f in self.figures.items()
-        }
-        return {
-            "name": self.name, "scenes": self.scenes, "people": self.people,
-            **{key: figure.value for key, figure in self.figures.items()}, "intervals": known,
-        }  # fmt: skip
+    ade: Figure
+    fde: Figure
+    col1: Figure
+    col2: Figure
 
 
 def build_table(scores: Sequence[SceneScore]) -> list[ScoreRow]:
@@ -315,16 +305,13 @@ def build_table(scores: Sequence[SceneScore]) -> list[ScoreRow]:
     }  # fmt: skip
     rows = []
     for name, group in groups.items():
-        people = {person: k for k, person in enumerate(sorted({s.person for s in group}))}
-        if people:
-            whose = np.array([people[s.person] for s in group])
-            draws = draw_resamples(len(people), draws=_RESAMPLES)
-            figures = {}
-            for measure in MEASURES:
-                x = np.array([getattr(s, measure) for s in group], dtype=np.float64)
-                x = 100 * x if measure.startswith("col") else x
-                figures[measure] = compute_mean(x, whose, draws)
-            rows.append(ScoreRow(name, len(group), len(people), figures))
+        people = np.array([str(score.person) for score in group])
+        if group:
+            figures = (
+                compute_mean(np.array([getattr(s, measure) for s in group], np.float64), people)
+                for measure in ("ade", "fde", "col1", "col2")
+            )
+            rows.append(ScoreRow(name, len(np.unique(people)), *figures))
     return rows
 
 
@@ -348,7 +335,7 @@ class Evaluated:
 
     def to_json(self) -> dict[str, Any]:
         """For a report, without the predictions."""
-        rows = [row.to_json() for row in self.rows]
+        rows = [asdict(row) for row in self.rows]
         return {"predictor": self.predictor, "goals": self.goals, "rows": rows}
 
 

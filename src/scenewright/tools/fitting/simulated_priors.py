@@ -209,7 +209,6 @@ def simulate_map(
 ) -> SimulatedTraffic:
     """Traffic on a map in ten-minute pieces, each at the demand of another hour of the day.
 
-    Args:
     Raises:
         InputError: a time that cannot be, SUMO not installed, or no traffic gets through.
     """
