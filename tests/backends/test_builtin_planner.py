@@ -676,8 +676,8 @@ def test_labelled_instructions_are_mostly_understood(part: str, step: int) -> No
     found = (plan_whole(row["text"], previous=row.get("previous")) for row in rows)
     result = score(rows, [plan_to_row(r["id"], plan) for r, plan in zip(rows, found, strict=True)])
     assert len(rows) > 75
-    assert result.all_fields.rate is not None
-    assert result.all_fields.rate >= 0.8
+    assert result.all_fields.value is not None
+    assert result.all_fields.value >= 0.8
 
 
 def test_scoring_matches_agents_up_to_renaming_and_times_in_a_range() -> None:

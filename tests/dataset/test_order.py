@@ -466,7 +466,7 @@ def test_the_papers_composition_with_a_model_and_from_its_answers(
     page = capsys.readouterr().out
     for backend in ("builtin", f"recorded:{answers}"):
         for event, n in (("collision", 1), ("yielding", 1), ("overall", 2)):
-            assert f"| {backend} | {event} | {n} / {n} | 100.00 |" in page
+            assert f"| {backend} | {event} | {n} / {n} | 100.00 % [" in page
 
 
 def test_the_papers_composition() -> None:
