@@ -20,7 +20,8 @@ import numpy as np
 from scenewright import synthesize
 from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
 from scenewright.intersections import load_map
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 from scenewright.tools.map_grounding.route_meetings import can_serve
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Proof
-from scenewright.scene.map import Crosswalk, IntersectionMap, Leg, PolygonWithHoles, StopLine
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Crosswalk, Leg, PolygonWithHoles, StopLine
 from scenewright.scene.record import (
     AgentRecord,
     RelationRecord,

@@ -14,7 +14,7 @@ from scenewright.scene.candidates import (
     DrivingProfile,
     Path,
 )
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 from scenewright.scene.track import PEDESTRIAN, Shape, get_vehicle_shape
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 

@@ -20,7 +20,8 @@ from scenewright.geometry.polyline import rotate_left
 from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.tools.fitting.path_frame import FLOOR
 from scenewright.tools.fitting.simulated_priors import fit_driving_profiles
 from scenewright.tools.gmm_sampler.assumed_priors import build_jaywalking_mixture

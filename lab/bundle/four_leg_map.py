@@ -21,10 +21,10 @@ from lab.bundle.four_leg_plan import (
     locate_point,
 )
 from scenewright.scene.base import Colour, Compass, FloatArray
-from scenewright.scene.map import (
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import (
     Crosswalk,
     GoalRegion,
-    IntersectionMap,
     Lanelet,
     Leg,
     Polyline,

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from lab.bundle.four_leg_plan import LEGS, FourLegPlan, locate_point
 from scenewright.scene.base import Compass
-from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Lanelet
 from scenewright.tools.simulation.sumo_network import (
     convert_network,
     format_connection,

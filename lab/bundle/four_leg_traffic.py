@@ -11,7 +11,8 @@ from lab.bundle.four_leg_network import REACH
 from lab.bundle.four_leg_plan import FourLegPlan
 from scenewright.errors import InputError
 from scenewright.scene.base import Compass
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.tools.map_import.compass import rotate_compass
 from scenewright.tools.simulation.sumo_network import name_edge
 from scenewright.tools.simulation.sumo_run import (

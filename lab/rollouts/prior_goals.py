@@ -20,7 +20,7 @@ from scenewright.geometry.spline import SPACING, build_even_path, sample_poses
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, DrivingProfile, K, Path
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import PEDESTRIAN, STEP
 from scenewright.tools.gmm_sampler import (

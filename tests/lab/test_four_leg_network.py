@@ -10,7 +10,7 @@ from lab.bundle.four_leg_network import write_network
 from lab.bundle.four_leg_plan import AMSTERDAM_120
 from lab.bundle.four_leg_traffic import find_sidewalk_edge
 from scenewright.intersections import load_map
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 
 pytest.importorskip("sumo")
 

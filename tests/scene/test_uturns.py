@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenewright.intersections import load_map
-from scenewright.scene.route_table import make_route
+from scenewright.scene.uturns import make_route
 
 
 def test_a_wide_avenue_leaves_room_for_u_turns_and_a_street_does_not() -> None:

@@ -15,11 +15,11 @@ import pytest
 from scenewright.scene.account import AccountEntry
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.events import Event, Proof
-from scenewright.scene.map import (
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import (
     ConflictZone,
     Crosswalk,
     GoalRegion,
-    IntersectionMap,
     Lanelet,
     Leg,
     PolygonWithHoles,

@@ -11,7 +11,6 @@ from typing import Any
 
 from scenewright.authoring.explain import explain_refusal
 from scenewright.authoring.session import MAIN, SessionVersion, list_branches
-from scenewright.cli.chat_commands import ChatOptions
 from scenewright.cli.console import (
     ProgressCallback,
     format_one_line,
@@ -23,6 +22,7 @@ from scenewright.cli.console import (
     write_stdout,
 )
 from scenewright.cli.interrupts import forget_interrupt, has_terminate_signal
+from scenewright.cli.options import ChatOptions
 from scenewright.cli.sessions import (
     add_facts,
     choose_free_name,

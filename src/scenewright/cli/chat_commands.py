@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from scenewright.cli.console import Result, format_one_line
-from scenewright.cli.options import Commands, Quiet, SessionOptions, option
+from scenewright.cli.options import ChatOptions, Commands, Quiet, SessionOptions, option
 from scenewright.cli.output_folder import try_folder
 
 memory = Commands(name="memory", help="Accepted scenes, recalled as examples for prompts.")
-
-
-@dataclass(frozen=True)
-class ChatOptions(SessionOptions):
-    """What `chat` is asked for."""
-
-    thread: str | None = option(None, "Thread to go on with; a new one if none is named.")
-    refiner: str | None = option(None, "trajnet or none, in a new thread; that of make.")
-    out: str | None = option(None, "Folder that /save writes to.", check=try_folder)
-    no_memory: bool = option(False, "Recall nothing, remember nothing.")
 
 
 def open_chat(

@@ -374,3 +374,13 @@ class TrainOptions:
     go_on: bool = option(False, "From the weights that serve the intersection on.")
     most: int | None = option(None, "Stretches of the corpus that are learned from.", min=1)
     seed: int = option(0, "Seed of the training.", min=0)
+
+
+@dataclass(frozen=True)
+class ChatOptions(SessionOptions):
+    """What `chat` is asked for."""
+
+    thread: str | None = option(None, "Thread to go on with; a new one if none is named.")
+    refiner: str | None = option(None, "trajnet or none, in a new thread; that of make.")
+    out: str | None = option(None, "Folder that /save writes to.", check=try_folder)
+    no_memory: bool = option(False, "Recall nothing, remember nothing.")

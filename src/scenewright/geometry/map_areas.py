@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
-from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import PolygonWithHoles
 
 geos: Any = import_module("shapely")
 """Shapely's functions carry no types; one name keeps that in one place."""

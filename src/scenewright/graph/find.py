@@ -33,7 +33,8 @@ from scenewright.nodes.scene_verifier.assemble import (
 from scenewright.scene.base import Point
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Proof
 from scenewright.scene.kinds import get_kind, has_trait
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.measures import UNITS, MeasureKind
 from scenewright.scene.plan_fields import PlanField, join_fields, list_fields
 from scenewright.scene.plan_file import MOST_CHOICES, LogicalPlan, read_logical_plan

@@ -28,7 +28,7 @@ from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.nodes.waypoint_filter import filter_waypoints, solve_program
 from scenewright.scene.base import Model
 from scenewright.scene.events import Proof
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph

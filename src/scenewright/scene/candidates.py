@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.scene.base import AgentClass, FloatArray, Model, frozen
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 from scenewright.scene.reaction_behavior import YieldingModel
 from scenewright.scene.track import Shape
 

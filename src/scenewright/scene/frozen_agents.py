@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from scenewright.scene.base import AgentClass
 from scenewright.scene.behavior import Segment
 from scenewright.scene.candidates import AssignedPattern
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.selection import PlannedEvent, SelectedAgent
 from scenewright.scene.track import Track

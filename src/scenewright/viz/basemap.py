@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import PolygonWithHoles
 from scenewright.viz.appearance import make_printable
 from scenewright.viz.drawing import INK, SOFT_INK, Drawing, measure_block
 from scenewright.viz.fonts import find_unshown

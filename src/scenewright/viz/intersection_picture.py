@@ -11,7 +11,8 @@ import numpy as np
 from scenewright.files import write_atomically
 from scenewright.geometry.polyline import interpolate_points
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import IntersectionMap, Leg
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Leg
 from scenewright.viz.appearance import FOREGROUND, make_printable
 from scenewright.viz.basemap import KeyEntry, draw_basemap, draw_key, draw_north, draw_scale
 from scenewright.viz.drawing import INK, SOFT_INK, Drawing, create_page

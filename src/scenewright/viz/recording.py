@@ -23,7 +23,8 @@ from scenewright.files import write_atomically
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.kinds import list_shipped
-from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import PolygonWithHoles
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import EventRecord, SceneRecord, SignalRecord
 from scenewright.viz.appearance import (

@@ -7,7 +7,8 @@ from math import ceil
 import numpy as np
 
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.map import Crosswalk, IntersectionMap
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Crosswalk
 
 
 def find_painted_bounds(intersection: IntersectionMap) -> dict[str, list[FloatArray]]:

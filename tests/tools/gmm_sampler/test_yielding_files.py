@@ -14,7 +14,7 @@ from scenewright.errors import InputError
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.intersections import find_bundle_folder
 from scenewright.scene.constraints import GivesWay, Headway
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 from scenewright.scene.reaction_behavior import LEVELS, YieldingBehavior, sample_quantiles
 from scenewright.tools.gmm_sampler.observed_behavior import (
     OBSERVED_FILE,

@@ -7,9 +7,9 @@ from itertools import product
 import pytest
 
 from scenewright.intersections import load_map
-from scenewright.scene.map import Route
-from scenewright.scene.route_table import make_route
+from scenewright.scene.map_elements import Route
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
+from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.grounding import ground_graph
 from scenewright.tools.map_grounding.role_search import is_on_side
 from scenewright.tools.map_grounding.route_meetings import have_conflict

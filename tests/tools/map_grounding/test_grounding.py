@@ -10,10 +10,10 @@ import pytest
 
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 from scenewright.scene.relations import load_patterns
-from scenewright.scene.route_table import make_route
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
+from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.grounding import ground_graph
 from scenewright.tools.map_grounding.role_search import (
     find_assignments,

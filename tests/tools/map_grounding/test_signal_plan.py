@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenewright.intersections import load_map
-from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
+from scenewright.scene.map_elements import SignalGroup, SignalPhase, SignalProgram
 from scenewright.tools.map_grounding.signal_plan import (
     SignalClock,
     SignalDemand,

@@ -12,14 +12,13 @@ import map_files
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import project_ellipsoid, unproject_ellipsoid
 from scenewright.tools.map_import import import_map
-from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
     read_opendrive_file,
 )
 from scenewright.tools.map_import.osm_features import list_osm_crossings
 from scenewright.tools.map_import.osm_file import read_osm_file
-from scenewright.tools.map_import.read_lanelet2 import FileElements
+from scenewright.tools.map_import.read_lanelet2 import FileElements, read_crossings
 
 needs_sumo = pytest.mark.skipif(
     importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
@@ -136,13 +135,13 @@ def test_two_zebra_lines_are_one_crossing_and_a_lanelets_bounds_are_not_read_twi
         ways={name: ({"type": "zebra_marking"}, ends) for name, *ends in ("1ab", "2cd", "3ef")},
         relations={},
     )
-    pair, single = read_lanelet2_crossings(elements, ())
+    pair, single = read_crossings(elements, ())
     assert pair.line.mean(axis=0) == pytest.approx([0.0, 2.0], abs=0.02)
     assert pair.width == pytest.approx(4.0, abs=0.02)
     assert single.source == "zebra line 3"
     crosswalk = {"type": "lanelet", "subtype": "crosswalk"}, [("left", "1"), ("right", "2")]
     drawn = replace(elements, relations={"9": crosswalk})
-    assert [x.source for x in read_lanelet2_crossings(drawn, ())] == ["zebra line 3"]
+    assert [x.source for x in read_crossings(drawn, ())] == ["zebra line 3"]
 
 
 def test_one_crossing_drawn_as_node_and_way_counts_once(tmp_path):

@@ -26,7 +26,7 @@ from checker_tracks import (
     walk,
     yielding_car,
 )
-from scenewright.scene.map import (
+from scenewright.scene.map_elements import (
     GoalRegion,
     Route,
     SignalGroup,

@@ -24,7 +24,7 @@ from checker_tracks import (
 )
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram, VehicleMovement
+from scenewright.scene.map_elements import SignalGroup, SignalPhase, SignalProgram, VehicleMovement
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.scene.track import Track
 from scenewright.tools.relation_checker import RoadUser, build_trajectory, check

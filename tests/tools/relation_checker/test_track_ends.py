@@ -25,7 +25,8 @@ from checker_tracks import (
 )
 from scenewright import synthesize
 from scenewright.intersections import load_map
-from scenewright.scene.map import GoalRegion, IntersectionMap, VehicleMovement
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import GoalRegion, VehicleMovement
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.track import get_rider_shape

@@ -6,7 +6,7 @@ import pytest
 
 from checker_tracks import EAST, WEST, distance, light, line, plus_map, resampled
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import Lanelet
+from scenewright.scene.map_elements import Lanelet
 from scenewright.scene.record import SignalRecord
 from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.motions import describe_motion

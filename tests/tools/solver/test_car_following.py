@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenewright.scene.candidates import PACE_STEP
-from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
+from scenewright.scene.map_elements import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalClock

@@ -11,7 +11,7 @@ import pytest
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.intersections import load_map
 from scenewright.scene.constraints import Contact, GivesWay
-from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
+from scenewright.scene.map_elements import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalClock, find_feasible_offsets
 from scenewright.tools.solver.context import SolverContext

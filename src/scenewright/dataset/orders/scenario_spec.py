@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenewright.scene.base import RIDERS, AgentClass, Compass, Movement
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.relations import Pattern, Role, load_patterns
 from scenewright.scene.social import Density
 from scenewright.tools.map_grounding.route_meetings import list_meetings

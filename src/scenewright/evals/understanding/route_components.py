@@ -18,7 +18,8 @@ from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path, compute_spline_matrix
 from scenewright.scene.base import RIDERS, AgentClass, FloatArray
 from scenewright.scene.candidates import Candidate, DrivingProfile, K
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.track import PEDESTRIAN, get_vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
 from scenewright.tools.gmm_sampler.assumed_priors import build_rider_priors

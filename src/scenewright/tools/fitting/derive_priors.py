@@ -17,7 +17,8 @@ from scenewright.geometry.map_areas import merge_areas
 from scenewright.intersections import SHIPPED, find_bundle_folder, load_map
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.tools.fitting.path_frame import Pool, build_pooled_prior, load_shipped_pool
 from scenewright.tools.gmm_sampler.assumed_priors import build_jaywalking_mixture
 from scenewright.tools.gmm_sampler.prior_files import load_priors

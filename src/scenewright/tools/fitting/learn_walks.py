@@ -16,7 +16,8 @@ import numpy as np
 from scenewright.geometry.map_areas import merge_areas
 from scenewright.geometry.polyline import resample_by_spacing, rotate_left
 from scenewright.scene.base import Compass, FloatArray
-from scenewright.scene.map import Crosswalk, IntersectionMap
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Crosswalk
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.survey import LEARNED, SurveyCrossing
 

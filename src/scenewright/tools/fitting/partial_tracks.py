@@ -12,7 +12,7 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import Route
+from scenewright.scene.map_elements import Route
 from scenewright.tools.fitting.path_frame import (
     FLOOR,
     SPREAD_WEIGHT,

@@ -20,7 +20,8 @@ from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.intersections import SHIPPED, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.tools.gmm_sampler.prior_files import load_priors
 from scenewright.tools.gmm_sampler.priors import DIMENSIONS, WaypointPrior
 from scenewright.tools.gmm_sampler.sample import sample_waypoints

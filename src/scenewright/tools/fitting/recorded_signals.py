@@ -11,7 +11,8 @@ from scenewright.errors import InputError
 from scenewright.geometry.geographic import LatLon, project_mercator
 from scenewright.geometry.polyline import resample_by_spacing
 from scenewright.scene.base import Colour, Compass
-from scenewright.scene.map import IntersectionMap, SignalGroup, SignalPhase, SignalProgram
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import SignalGroup, SignalPhase, SignalProgram
 from scenewright.tools.track_io.signal_files import RecordedLights, sample_colours
 
 _CYCLES = (20.0, 240.0)

@@ -22,7 +22,8 @@ from scenewright.geometry.polyline import (
 from scenewright.geometry.spline import PER_INTERVAL
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.tools.fitting.path_frame import Centreline, build_centreline
 from scenewright.tools.map_import.map_parts import RouteLines
 

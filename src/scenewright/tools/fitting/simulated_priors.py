@@ -19,7 +19,8 @@ from scenewright.geometry.polyline import measure_distances
 from scenewright.geometry.spline import build_even_path
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.track import STEP
 from scenewright.tools.fitting.derive_priors import (
     SUBTYPE_SHARES,

@@ -13,7 +13,7 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import Lanelet
+from scenewright.scene.map_elements import Lanelet
 from scenewright.tools.formats.exported_scene import ExportedAgent, ExportedScene
 from scenewright.tools.formats.lanes import (
     Side,

@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import Crosswalk, IntersectionMap
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Crosswalk
 
 BESIDE = 0.3
 """How far apart the ends of the edges of two lanes beside one another may lie [m]."""

@@ -20,7 +20,8 @@ from scenewright.geometry.polyline import (
     resample_to_count,
 )
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Crosswalk, Lanelet
 from scenewright.tools.formats.lanes import Side, list_predecessors, number_lanes
 from scenewright.tools.formats.xml import add, write_bytes
 

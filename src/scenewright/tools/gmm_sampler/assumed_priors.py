@@ -24,7 +24,8 @@ from scenewright.geometry.polyline import (
 from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import K
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.track import RIDER_SIZES
 from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior, Priors, WaypointPrior
 

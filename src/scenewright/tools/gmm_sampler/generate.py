@@ -25,7 +25,8 @@ from scenewright.scene.candidates import (
     RoleAssignment,
 )
 from scenewright.scene.kinds import get_kind, has_trait
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph

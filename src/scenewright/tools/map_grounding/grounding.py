@@ -12,10 +12,11 @@ from scenewright.scene.base import RIDERS
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.candidates import Grounding
 from scenewright.scene.kinds import has_trait
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.route_table import make_route
 from scenewright.scene.social import AgentNode, EntrySide, RelationEdge, SocialGraph
+from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.hiding import refuse_unhidden
 from scenewright.tools.map_grounding.relation_faults import (
     find_collision_faults,

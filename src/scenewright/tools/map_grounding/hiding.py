@@ -9,7 +9,8 @@ import numpy as np
 
 from scenewright.errors import Rejected
 from scenewright.scene.base import RIDERS, Compass
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.objects import is_high
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import STANDING_VEHICLES, ObjectNode, SocialGraph

@@ -11,7 +11,8 @@ import numpy as np
 
 from scenewright.geometry.map_areas import merge_areas
 from scenewright.scene.base import Compass, FloatArray
-from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Lanelet
 from scenewright.scene.objects import ObjectRecord, get_size, get_subtype, is_high
 from scenewright.scene.social import STANDING_VEHICLES, ObjectNode
 

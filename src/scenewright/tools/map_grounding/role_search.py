@@ -11,7 +11,8 @@ import numpy as np
 
 from scenewright.scene.candidates import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.kinds import has_trait
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.relations import Pattern, get_pattern
 from scenewright.scene.social import EntrySide, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding.hiding import can_hide

@@ -8,9 +8,10 @@ from itertools import product
 import numpy as np
 
 from scenewright.scene.base import Compass, FloatArray
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route
 from scenewright.scene.relations import Pattern, Role
-from scenewright.scene.route_table import make_route
+from scenewright.scene.uturns import make_route
 
 _COMPASS_RING = (
     "north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scenewright.compiled import compiled
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.scene.cache import RecentCache
-from scenewright.scene.map import IntersectionMap, SignalProgram
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import SignalProgram
 from scenewright.scene.record import SignalRecord
 
 _RESOLUTION = 0.5

@@ -22,10 +22,10 @@ from scenewright.geometry.polyline import (
     smooth_gaussian,
 )
 from scenewright.scene.base import Compass, FloatArray
-from scenewright.scene.map import (
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import (
     Crosswalk,
     GoalRegion,
-    IntersectionMap,
     Lanelet,
     Leg,
     SignalProgram,

@@ -9,7 +9,7 @@ from typing import Any
 
 from scenewright.geometry.polyline import compute_normals
 from scenewright.scene.base import Compass, FloatArray
-from scenewright.scene.map import (
+from scenewright.scene.map_elements import (
     ConflictZone,
     Crosswalk,
     Lanelet,

@@ -10,7 +10,7 @@ import numpy as np
 
 from scenewright.geometry.polyline import resample_by_spacing
 from scenewright.scene.base import Colour, Compass
-from scenewright.scene.map import (
+from scenewright.scene.map_elements import (
     Crosswalk,
     SignalGroup,
     SignalPhase,

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.base import AgentClass, Compass, FloatArray
-from scenewright.scene.map import Crosswalk, IntersectionMap, PolygonWithHoles
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Crosswalk, PolygonWithHoles
 from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.planar import Area, geos
 

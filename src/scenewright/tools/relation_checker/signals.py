@@ -14,7 +14,8 @@ import numpy as np
 from scenewright.compiled import compiled
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.scene.events import Finding
-from scenewright.scene.map import IntersectionMap, SignalProgram
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import SignalProgram
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import BoolArray

@@ -23,7 +23,8 @@ from scenewright.geometry.polyline import (
     measure_distances,
 )
 from scenewright.scene.base import Compass, FloatArray
-from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet, Route
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Crosswalk, Lanelet, Route
 from scenewright.tools.map_import.map_parts import RouteLines, geos
 from scenewright.tools.simulation.sumo_network import (
     convert_network,

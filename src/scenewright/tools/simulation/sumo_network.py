@@ -14,7 +14,8 @@ from xml.sax.saxutils import quoteattr
 
 from scenewright.errors import InputError
 from scenewright.scene.base import Compass
-from scenewright.scene.map import IntersectionMap, Lanelet, SignalProgram
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Lanelet, SignalProgram
 
 _LATERAL_LIMIT = 2.5
 """Lateral acceleration that limits speed in turns [m/s^2]."""

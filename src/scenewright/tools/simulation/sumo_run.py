@@ -20,7 +20,7 @@ from pydantic import Field, ValidationError
 
 from scenewright.errors import InputError
 from scenewright.scene.base import Compass, FloatArray, Model
-from scenewright.scene.map import VehicleMovement
+from scenewright.scene.map_elements import VehicleMovement
 from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.simulation.sumo_network import find_sumo, format_tag, name_edge
 

@@ -16,7 +16,8 @@ from scenewright.geometry.driving_profile import (
     find_time_at_place,
 )
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.map import IntersectionMap, Route, SignalProgram
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.map_elements import Route, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import (

@@ -23,7 +23,8 @@ from scenewright.backends.builtin.read_objects import (
 )
 from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS, SEPARATOR
 from scenewright.backends.builtin.reader.groups import count_plurals, join_groups
-from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
+from scenewright.backends.builtin.reader.interpret import interpret
+from scenewright.backends.builtin.reader.interpretation import Interpretation
 from scenewright.backends.builtin.reader.manoeuvres import correct_manoeuvres
 from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reactions import read_reactions

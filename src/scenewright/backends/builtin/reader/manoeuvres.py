@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
+from scenewright.backends.builtin.reader.interpretation import Interpretation
 from scenewright.backends.builtin.reader.reading import (
     RULE_CONFIDENCE,
     Reading,
@@ -16,9 +16,6 @@ from scenewright.backends.builtin.reader.reading import (
 from scenewright.backends.builtin.reader.words import Patterns
 from scenewright.scene.kinds import find_marked, list_readings
 from scenewright.scene.social import RelationType
-
-if TYPE_CHECKING:
-    from scenewright.backends.builtin.reader.interpret import Interpretation
 
 _PATTERNS = Patterns("manoeuvres")
 
