@@ -16,12 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenewright.evals.understanding.cases import (
-    RELATIONS,
-    SceneCase,
-    hash_scene,
-    read_case,
-)
+from scenewright.evals.understanding.cases import RELATIONS, SceneCase, hash_scene, read_case
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.events import Event

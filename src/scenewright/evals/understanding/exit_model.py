@@ -17,18 +17,22 @@ from scipy.special import expit
 
 from scenewright.evals.understanding.boosted_trees import BoostedTrees
 from scenewright.evals.understanding.cases import ObservedAgent, ObservedScene
+from scenewright.evals.understanding.forecast import BoolArray
 from scenewright.evals.understanding.intent import RoutePosterior
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.intersections import load_map
 from scenewright.scene.base import AgentClass, FloatArray
 
 _SHIPPED = Path(__file__).with_name("exits.npz")
+_TURNS = ("straight", "left", "right", "uturn")
+_AHEAD = (5, 12, 20)
+"""Distances ahead at which the speed that the curves allow is looked up [m]."""
 OF_EXIT = ("log_chance", "behind", "share", "best", "aside", "turned", "to_line", "to_end",
-           "straight", "left", "right", "uturn", "bend_5", "bend_12", "bend_20")  # fmt: skip
+           *_TURNS, *(f"bend_{ahead}" for ahead in _AHEAD))  # fmt: skip
 """Log posterior of the exit, and by how much it is below that of the likeliest; log of how often
 it is taken among those possible; of its likeliest component the log posterior, how far aside [m]
 and how far turned [rad] the agent is of its mean, how far line and end are [m], the movement, and
-the speed that its curves allow 5, 12 and 20 m ahead [m/s]."""
+the speed that its curves allow `_AHEAD` [m/s]."""
 OF_AGENT = ("class", "speed", "fastest", "slowest", "gain_5", "gain_8", "gain_20", "stood", "seen",
             "length", "gone", "away", "turned_all", "turned_lately", "surest", "lead", "exits",
             "window")  # fmt: skip
@@ -41,7 +45,7 @@ NAMES = (*OF_EXIT, *OF_AGENT)
 _LEAST = 1e-4
 """Posterior below which an exit is impossible."""
 _FAR = 99.0
-_AHEAD = (5.0, 12.0, 20.0)
+"""Largest distance to a stop line [m], and that where there is none."""
 
 
 class ExitModel(BoostedTrees):
@@ -61,47 +65,55 @@ def describe_exits(
     Args:
         sides: of the map; window: length of the observation [s].
     """
-    possible = posterior.components.match_exits(tuple(sides))[posterior.kept]
-    chances = posterior.weights @ possible
-    found = np.flatnonzero(chances >= _LEAST)
-    log = np.log(chances[found])
-    components, rows = posterior.components, []
-    for mine in possible[:, found].T:  # `share` to `bend_20` of `OF_EXIT`
-        top = int(np.where(mine, posterior.log, -np.inf).argmax())
-        c = posterior.kept[top]
-        here, movement = components.s[c, posterior.nearest[top]], components.routes[c].movement
-        shares = (np.logaddexp.reduce(each) for each in (posterior.share[mine], posterior.share))
-        rows.append([
-            np.subtract(*shares), posterior.log[top], abs(posterior.off[top, -3]),
-            abs(posterior.off[top, -1]), min(components.line[c] - here, _FAR),
-            components.s[c, -1] - here,
-            *(float(movement == each) for each in ("straight", "left", "right", "uturn")),
-            *np.interp(here + np.array(_AHEAD), components.s[c], components.bend[c, 1]),
-        ])  # fmt: skip
+    leads_to = posterior.components.match_exits(tuple(sides))[posterior.kept]
+    chances = posterior.weights @ leads_to
+    possible = np.flatnonzero(chances >= _LEAST)
+    log = np.log(chances[possible])
+    of_exits = [
+        _describe_likeliest_component(posterior, there) for there in leads_to[:, possible].T
+    ]
     lead = np.sort(log)[::-1]
     speed, heading = agent.speed, agent.heading
-    own = [
+    of_agent = [
         float(get_args(AgentClass).index(agent.type)), float(speed[-1]), float(speed.max()),
         float(speed.min()), *(agent.measure_acceleration(count) for count in (5, 8, 20)),
         agent.standstill, 0.1 * len(speed), agent.length, float(agent.left),
         float(np.hypot(*agent.xy[-1])), float(heading[-1] - heading[0]),
         float(heading[-1] - heading[-min(6, len(heading))]), float(chances.max()),
-        float(lead[0] - lead[1]) if len(lead) > 1 else -np.log(_LEAST), float(len(found)), window,
+        float(lead[0] - lead[1]) if len(lead) > 1 else -np.log(_LEAST), float(len(possible)),
+        window,
     ]  # fmt: skip
-    values = np.column_stack([log, log - log.max(), np.array(rows), np.tile(own, (len(rows), 1))])
-    return [sides[e] for e in found.tolist()], values
+    of_every_exit = np.tile(of_agent, (len(possible), 1))
+    values = np.column_stack([log, log - log.max(), np.array(of_exits), of_every_exit])
+    return [sides[side] for side in possible.tolist()], values
+
+
+def _describe_likeliest_component(posterior: RoutePosterior, there: BoolArray) -> list[float]:
+    """`share` to the last of `OF_EXIT`, of the exit to which the components `there` [M] lead."""
+    likeliest = int(np.where(there, posterior.log_weight, -np.inf).argmax())
+    component, components = posterior.kept[likeliest], posterior.components
+    s, movement = components.s[component], components.routes[component].movement
+    here = s[posterior.nearest[likeliest]]
+    taken, all_taken = map(np.logaddexp.reduce, (posterior.log_share[there], posterior.log_share))
+    return [
+        taken - all_taken, posterior.log_weight[likeliest],
+        abs(posterior.residual[likeliest, -3]), abs(posterior.residual[likeliest, -1]),
+        min(components.line[component] - here, _FAR), s[-1] - here,
+        *(float(movement == turn) for turn in _TURNS),
+        *np.interp(here + np.array(_AHEAD), s, components.bend[component, 1]),
+    ]  # fmt: skip
 
 
 def weigh_all_exits(
     observation: ObservedScene, posteriors: Mapping[str, RoutePosterior]
 ) -> dict[str, FloatArray]:
     """[E] probability of every side of the map, by agent; posteriors are by agent, too."""
-    sides, found = list_sides(load_map(observation.intersection)), {}
+    sides, exits = list_sides(load_map(observation.intersection)), {}
     for agent in observation.agents:
         possible, values = describe_exits(agent, posteriors[agent.id], sides, observation.now)
         chances = dict(zip(possible, load_exit_model().weigh(values).tolist(), strict=True))
-        found[agent.id] = np.array([chances.get(side, 0.0) for side in sides])
-    return found
+        exits[agent.id] = np.array([chances.get(side, 0.0) for side in sides])
+    return exits
 
 
 @lru_cache(maxsize=2)

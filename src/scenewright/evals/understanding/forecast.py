@@ -182,14 +182,14 @@ def _sample_curves(
     """[K, P, 2] draws of the route, conditioned on the track so far."""
     components, component = posterior.components, posterior.kept[picked]
     white = rng.standard_normal((SIZE, 2 * K))
-    rows, off = posterior.seen[picked], posterior.off[picked]
-    noise = posterior.noise * rng.standard_normal(off.shape)
+    sensitivity, residual = posterior.sensitivity[picked], posterior.residual[picked]
+    noise = posterior.noise * rng.standard_normal(residual.shape)
     distinct, which = np.unique(picked, return_inverse=True)  # few, so each is multiplied once
-    seen = posterior.seen[distinct]
-    spread = (np.einsum("kji,kli->kjl", seen, seen) + np.diag(posterior.noise**2))[which]
-    miss = off - np.einsum("kji,ki->kj", rows, white) - noise
-    gain = np.linalg.solve(spread, miss[..., None])[..., 0]
-    white = white + np.einsum("kji,kj->ki", rows, gain)
+    rows = posterior.sensitivity[distinct]
+    covariance = (np.einsum("kji,kli->kjl", rows, rows) + np.diag(posterior.noise**2))[which]
+    unexplained = residual - np.einsum("kji,ki->kj", sensitivity, white) - noise
+    gain = np.linalg.solve(covariance, unexplained[..., None])[..., 0]
+    white = white + np.einsum("kji,kj->ki", sensitivity, gain)
     moved = np.einsum("kij,kj->ki", components.cholesky[component], white).reshape(SIZE, K, 2)
     return np.asarray(
         components.curve[component] + np.einsum("pk,nkd->npd", components.knots, moved)

@@ -200,17 +200,17 @@ def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> 
     if agent.left:
         return f"{kind}, first seen {first}, has left"
     speed = float(agent.speed[-1])
-    before = float(agent.speed[-min(len(agent.speed), 8)])
+    before = float(agent.speed[-8:][0])
     change = "steady"
     if abs(speed - before) > 0.5:
         change = "speeding up" if speed > before else "slowing down"
     motion = f"{speed:.0f} m/s, {change}" if agent.is_vehicle else f"walking, {change}"
     if speed < 0.3:
-        stood = int(np.argmax(agent.speed[::-1] >= 0.3)) if (agent.speed >= 0.3).any() else 0
-        motion = f"standing{f' for {stood / 10:.0f} s' if stood >= 10 else ''}"
+        stood = agent.standstill
+        motion = f"standing{f' for {stood:.0f} s' if stood >= 1.0 else ''}"
     # How near the junction, and where it faces.
     xy, heading = agent.xy[-1], float(agent.heading[-1])
-    facing = ("east", "north", "west", "south")[round(heading / (np.pi / 2)) % 4]
+    facing = _name_direction(heading)
     away = float(np.abs(xy).max())
     if away < _JUNCTION:
         place = "in or at the junction"
@@ -230,7 +230,10 @@ def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> 
 
 
 def _find_side(xy: FloatArray) -> str:
-    x, y = float(xy[0]), float(xy[1])
-    if abs(x) > abs(y):
-        return "east" if x > 0 else "west"
-    return "north" if y > 0 else "south"
+    """The side of the map on which a point [m] lies."""
+    return _name_direction(float(np.arctan2(xy[1], xy[0])))
+
+
+def _name_direction(angle: float) -> str:
+    """The nearest compass direction to an angle [rad], which counts from east to north."""
+    return ("east", "north", "west", "south")[round(angle / (np.pi / 2)) % 4]

@@ -28,10 +28,7 @@ from scenewright.evals.understanding.intent import (
     find_nearest_waypoints,
     infer_routes,
 )
-from scenewright.evals.understanding.language_model import (
-    ask_about_scene,
-    describe_scene,
-)
+from scenewright.evals.understanding.language_model import ask_about_scene, describe_scene
 from scenewright.evals.understanding.route_components import list_sides
 from scenewright.evals.understanding.scoring import ScenePrediction
 from scenewright.geometry.polyline import interpolate_points
@@ -47,7 +44,6 @@ if TYPE_CHECKING:
 
 ATTEMPTS = 3
 """How often a language model is asked about one scene."""
-
 
 METHODS = (
     "gmm", "gmm_waypoints", "trajnet", "constant_velocity", "reasoner", "agent", "oracle_seen"

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.compiled import compiled_to_write
+from scenewright.compiled import compiled
 from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.geometry.spline import build_even_path, compute_spline_matrix
@@ -29,8 +29,6 @@ _SPREAD = (-1.2, 0.0, 1.2)
 """Driving profiles tried lie so many standard deviations off the median."""
 _ON_CROSSWALK = 0.05
 """Uses of a crosswalk by riders, per use by a pedestrian."""
-_ROW = 1e4
-"""Distance from row to row where rows lie end to end [m]."""
 _THIN = 4
 """Every fourth point of a base curve is kept: they lie one or two metres apart."""
 
@@ -166,35 +164,16 @@ def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> Float
     Returns:
         [N, M]; constant beyond the ends.
     """
-    found = np.empty(at.shape)
-    at, s, values = (np.ascontiguousarray(each) for each in (at, s, values))
-    _interpolate(at, s, values, found)
-    return found
+    return _interpolate(*(np.ascontiguousarray(each) for each in (at, s, values)))
 
 
-@compiled_to_write
-def _interpolate(at: FloatArray, s: FloatArray, values: FloatArray, found: FloatArray) -> None:
-    """Writes what `interpolate_rows` returns, by bisection.
-
-    Rounded as by `np.interp` with the rows end to end, for which the calibrations were fitted.
-    """
-    last = s.shape[1] - 1
-    for n in range(at.shape[0]):
-        row = n * _ROW
-        for m in range(at.shape[1]):
-            x = min(max(at[n, m], s[n, 0]), s[n, last]) + row
-            low, high = 0, last + 1
-            while high - low > 1:
-                middle = (low + high) // 2
-                if s[n, middle] + row <= x:
-                    low = middle
-                else:
-                    high = middle
-            before = s[n, low] + row
-            found[n, m] = values[n, low]
-            if low < last and before != x:
-                slope = (values[n, low + 1] - values[n, low]) / (s[n, low + 1] + row - before)
-                found[n, m] = slope * (x - before) + values[n, low]
+@compiled
+def _interpolate(at: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
+    """[N, M] as `interpolate_rows`."""
+    interpolated = np.empty(at.shape)
+    for n in range(len(at)):
+        interpolated[n] = np.interp(at[n], s[n], values[n])
+    return interpolated
 
 
 def interpolate_points(at: FloatArray, s: FloatArray, xy: FloatArray) -> FloatArray:
