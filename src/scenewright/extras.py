@@ -28,7 +28,7 @@ def require_extra(extra: str, work: str, *modules: str, otherwise: str = "") -> 
 
 def describe_missing(extra: str, work: str, *modules: str) -> str | None:
     """Say which modules of an extra are missing and what installs them; None if none is."""
-    missing = [each.replace("_", "-") for each in modules if find_spec(each) is None]
+    missing = [module.replace("_", "-") for module in modules if find_spec(module) is None]
     if not missing:
         return None
     return f"{work} needs {' and '.join(missing)}: pip install 'scenewright[{extra}]'"

@@ -95,7 +95,7 @@ def author(
         instruction, intersection=intersection, seed=seed, record=record, log=log
     )
     calls: list[tuple[str, bool]] = []
-    tools = {each.name: each for each in build_tools(bench)}
+    tools = {tool.name: tool for tool in build_tools(bench)}
     try:
         with limit_time(time_limit), limit_work(MOST_WORK):
             if model is None:

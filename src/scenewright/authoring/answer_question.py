@@ -44,10 +44,10 @@ class _SceneFacts:
         return Motion(agent, self.record.meta.step)
 
     def get_agent(self, number: int | None) -> AgentRecord | None:
-        return next((each for each in self.record.agents if each.id == number), None)
+        return next((agent for agent in self.record.agents if agent.id == number), None)
 
     def list_named(self) -> list[AgentRecord]:
-        return [each for each in self.record.agents if each.role == "foreground"]
+        return [agent for agent in self.record.agents if agent.role == "foreground"]
 
 
 _Answer = Callable[[_SceneFacts, list[AgentRecord]], list[str]]
@@ -81,7 +81,7 @@ def answer_question(
 
 def _find_agents(plain: str, scene: _SceneFacts) -> list[AgentRecord]:
     """The agents that a question names by id or noun; those of the instruction if it names none."""
-    by_id = [each for each in scene.record.agents if re.search(rf"\b{each.name}\b", plain)]
+    by_id = [agent for agent in scene.record.agents if re.search(rf"\b{agent.name}\b", plain)]
     nouns = {_NOUNS[word] for word in re.findall(r"[a-z]+", plain) if word in _NOUNS}
     by_noun = [each for each in scene.list_named() if {each.type, each.subtype} & nouns]
     if re.search(r"\b(?:bikes?|riders?)\b", plain) and not by_noun:
@@ -148,8 +148,10 @@ def _describe_closeness(scene: _SceneFacts, about: list[AgentRecord]) -> list[st
         figures = [_FIGURES[key].format(event.evidence[key]) for key in _FIGURES
                    if isinstance(event.evidence.get(key), float)]  # fmt: skip
         lines.append(_describe_event(scene, event))
-        lines += [f"  {each}" for each in figures]
-    if _PET.search(scene.plain) and not any("pet" in each.evidence for each in scene.proof.events):
+        lines += [f"  {figure}" for figure in figures]
+    if _PET.search(scene.plain) and not any(
+        "pet" in event.evidence for event in scene.proof.events
+    ):
         lines.append("None of them leaves a place that another comes to: there is no PET.")
     return [*lines, *_describe_distances(scene, about)] or _describe_events(scene, [])
 
@@ -454,7 +456,9 @@ def _describe_sight(scene: _SceneFacts, about: list[AgentRecord]) -> list[str]:
         f"{_name(scene.get_agent(each['subject']))} at {each['first_visible']:.1f} s."
         for each in scene.proof.figures.get("first_visible", [])
     ]
-    hidden = [each for each in scene.record.objects if each.height == "high"]
+    hidden = [
+        scene_object for scene_object in scene.record.objects if scene_object.height == "high"
+    ]
     free = "No object stands between them all the time; blind spots of mirrors are not modelled."
     return [*_describe_events(scene, about), *(seen or ([] if hidden else [free]))]
 

@@ -92,8 +92,8 @@ def move_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
         at = last.start if free else last.until
         return move_time(replace(agent, enters=round(at - reaches, 1), stops=free), seconds)
     stops = tuple(
-        replace(each, start=each.start + seconds, until=each.until + seconds)
-        for each in agent.stops
+        replace(stop, start=stop.start + seconds, until=stop.until + seconds)
+        for stop in agent.stops
     )
     contact = None if agent.contact is None else agent.contact + seconds
     push = None if agent.push is None else agent.push.shift(seconds)
@@ -103,7 +103,7 @@ def move_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
 
 def _find_stop(agent: SelectedAgent) -> Stop:
     """Where it gives way; else, of the others, where they stand at all."""
-    stops = [each for each in agent.stands if each.reason == "gives_way"] or agent.stands
+    stops = [stand for stand in agent.stands if stand.reason == "gives_way"] or agent.stands
     rolling = _find_slowest(agent)
     if rolling is not None:
         where = "" if rolling.ahead is None else f", {rolling.ahead:.1f} m before the other's way"
@@ -122,7 +122,7 @@ def _find_stop(agent: SelectedAgent) -> Stop:
 
 def _find_slowest(agent: SelectedAgent) -> Stop | None:
     """The slowest place of an agent that gives way without standing; None for all other agents."""
-    yields = [each for each in agent.stops if each.reason == "gives_way"]
+    yields = [stop for stop in agent.stops if stop.reason == "gives_way"]
     return yields[0] if yields and all(each.rolls for each in yields) else None
 
 
@@ -184,8 +184,8 @@ class Revision:
     @property
     def present(self) -> dict[str, SelectedAgent]:
         """Earlier agents that are still there, as they were or as amended."""
-        foreground = {each.id for each in self.graph.agents}
-        once = {each.id for each in self.before.agents}
+        foreground = {agent.id for agent in self.graph.agents}
+        once = {agent.id for agent in self.before.agents}
         room = {"vehicle": 0, "pedestrian": 0} if self.background is None else {**self.background}
         found: dict[str, SelectedAgent] = {}
         for name, each in self.earlier.agents.items():
@@ -231,10 +231,10 @@ def build_revision(
         other=other,
         pace=paces,
         by_hand=frozenset(
-            each.agent for each in edits if isinstance(each, MoveStop | WaitLonger | ComeLater)
+            edit.agent for edit in edits if isinstance(edit, MoveStop | WaitLonger | ComeLater)
         ),
         redrawn=frozenset(e.agent for e in edits if isinstance(e, Redraw) and e.agent is not None),
-        anew=any(isinstance(each, Redraw) and each.agent is None for each in edits),
+        anew=any(isinstance(edit, Redraw) and edit.agent is None for edit in edits),
     )
 
 
@@ -264,12 +264,12 @@ def _find_touched(
                 touched |= {str(o.met_by) for o in before.objects if o.id == name and o.met_by}
             case Unrelate() | RemoveAgent():
                 pass
-    new = {each.id for each in graph.agents} - {each.id for each in before.agents}
+    new = {agent.id for agent in graph.agents} - {agent.id for agent in before.agents}
     # A new agent is the one that comes to the other.
     if touched & new:
         stay = {name for name in touched - new if before.agent(name) == graph.agent(name)}
         touched, other = touched - stay, (other | stay) - new
-    foreground = {each.id for each in graph.agents}
+    foreground = {agent.id for agent in graph.agents}
     return frozenset(touched & foreground), frozenset((other - touched) & foreground)
 
 
@@ -282,7 +282,7 @@ def list_concerned(edits: tuple[Edit, ...]) -> set[str]:
             names |= {getattr(part, key, None) for key in keys}
         if isinstance(edit, ChangeAgent | AddAgent):
             names.add(edit.node.id)
-    return {each for each in names if each is not None}
+    return {name for name in names if name is not None}
 
 
 def _amend_agents(
@@ -317,7 +317,7 @@ def _count_background(
     earlier: PreviousVersion, before: SocialGraph, edits: tuple[Edit, ...]
 ) -> dict[AgentClass, int]:
     """How many of each class: as they were, but where an edit says otherwise."""
-    once = {each.id for each in before.agents}
+    once = {agent.id for agent in before.agents}
     here = [each.agent for name, each in earlier.agents.items() if name not in once]
     counts: dict[AgentClass, int] = {
         kind: sum(agent.candidate.route.type == kind for agent in here)
@@ -335,7 +335,7 @@ def _count_background(
 
 def _choose_hour(earlier: PreviousVersion, edits: tuple[Edit, ...]) -> float:
     """The time of day as given; as it was, if that is within what is given."""
-    given = [each.time_of_day for each in edits if isinstance(each, ChangeContext)]
+    given = [edit.time_of_day for edit in edits if isinstance(edit, ChangeContext)]
     if not given or given[-1] is None:
         return earlier.hour
     start, _, end = given[-1].partition("-")

@@ -41,7 +41,7 @@ def _generate_attempts(revision: Revision) -> Iterator[FrozenAgents]:
         return
     if not revision.anew:
         around = touched | _find_partners(touched, revision.graph)
-        all_agents = frozenset(each.id for each in revision.graph.agents)
+        all_agents = frozenset(agent.id for agent in revision.graph.agents)
         yield _build_pins(revision, touched, keep_paths=True)
         if other:  # without those that are touched only because a relation of theirs changed
             was = revision.before.relations
@@ -71,7 +71,7 @@ def _build_pins(
 ) -> FrozenAgents:
     """Freezes all agents but `free` and those that must act otherwise because of them."""
     graph, present = revision.graph, revision.present
-    foreground = {each.id for each in graph.agents}
+    foreground = {agent.id for agent in graph.agents}
     # Who reacts to one of them and to another agent too is solved at once with both.
     asked = free
     for name in _find_reacting(asked, revision):
@@ -112,7 +112,7 @@ def _build_pins(
 def _find_reacting(free: frozenset[str], revision: Revision) -> dict[str, SelectedAgent]:
     """Agents that keep their path but must act otherwise as others are free, gone or related
     anew."""
-    gone = {each.id for each in revision.before.agents} - {e.id for e in revision.graph.agents}
+    gone = {agent.id for agent in revision.before.agents} - {e.id for e in revision.graph.agents}
     moving = free | gone
     found = {}
     for name, agent in revision.present.items():
@@ -140,7 +140,7 @@ def _list_patterns(
     revision: Revision, names: Collection[str] | None = None
 ) -> dict[int, AssignedPattern]:
     """How relations that are as before were played; of these agents alone, if named."""
-    played = {each.edge: each for each in revision.earlier.patterns}
+    played = {pattern.edge: pattern for pattern in revision.earlier.patterns}
     found = {}
     for index, edge in enumerate(revision.graph.relations):
         if edge not in revision.before.relations:
@@ -155,8 +155,8 @@ def _list_patterns(
 
 
 def _find_changed_agents(revision: Revision) -> set[str]:
-    was = {each.id: each for each in revision.before.agents}
-    return {each.id for each in revision.graph.agents if was.get(each.id) != each}
+    was = {agent.id: agent for agent in revision.before.agents}
+    return {agent.id for agent in revision.graph.agents if was.get(agent.id) != agent}
 
 
 def _find_partners(names: frozenset[str], graph: SocialGraph) -> frozenset[str]:

@@ -13,8 +13,8 @@ def compare_versions(
     a: SceneRecord, a_proof: Proof, b: SceneRecord, b_proof: Proof
 ) -> dict[str, Any]:
     """Agents that are the same, that differ, that are in one alone; and the events of either."""
-    first = {each.name: each for each in a.agents}
-    second = {each.name: each for each in b.agents}
+    first = {agent.name: agent for agent in a.agents}
+    second = {agent.name: agent for agent in b.agents}
     both = [name for name in first if name in second]
     same = [name for name in both if first[name] == second[name]]
     rows = (
@@ -34,7 +34,7 @@ def compare_versions(
 
 
 def _format_events(record: SceneRecord, proof: Proof) -> str:
-    names = {each.id: each.name for each in record.agents}
+    names = {agent.id: agent.name for agent in record.agents}
     events = []
     for event in proof.events:
         figures = ", ".join(

@@ -55,16 +55,16 @@ def read_direct_edits(asked: Any, graph: SocialGraph) -> tuple[tuple[Edit, ...],
         where = ".".join(str(part) for part in first["loc"])
         raise InputError(f"this is no change: {where}: {first['msg']}") from None
     typed: list[Edit] = []
-    for each in edits:
-        if not isinstance(each, ChooseWay):
-            typed.append(each)
+    for edit in edits:
+        if not isinstance(edit, ChooseWay):
+            typed.append(edit)
             continue
-        node = next((agent for agent in graph.agents if agent.id == each.agent), None)
+        node = next((agent for agent in graph.agents if agent.id == edit.agent), None)
         if node is None:
-            raise InputError(f"{each.agent} does nothing in particular here, so its way is drawn")
-        way = each.model_dump(include={"entry", "exit", "movement", "crosswalk"})
+            raise InputError(f"{edit.agent} does nothing in particular here, so its way is drawn")
+        way = edit.model_dump(include={"entry", "exit", "movement", "crosswalk"})
         typed.append(ChangeAgent(node=node.model_copy(update=way)))
-    return tuple(typed), "; ".join(_describe(each) for each in edits)
+    return tuple(typed), "; ".join(_describe(edit) for edit in edits)
 
 
 def _describe(edit: ChooseWay | Edit) -> str:
@@ -96,7 +96,7 @@ def list_handles(
     along; None for those that stand nowhere but at a red light, and for the background, which has
     no `ways` to choose from either.
     """
-    named = {each.id for each in graph.agents}
+    named = {agent.id for agent in graph.agents}
     return [
         {
             "agent": name,
@@ -109,7 +109,7 @@ def list_handles(
 
 
 def _describe_stop(agent: SelectedAgent) -> dict[str, Any] | None:
-    stops = [each for each in agent.stands if each.reason == "gives_way"] or agent.stands
+    stops = [stand for stand in agent.stands if stand.reason == "gives_way"] or agent.stands
     if not stops:
         return None
     stop, line = stops[0], agent.candidate.path.xy

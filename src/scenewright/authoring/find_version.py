@@ -28,13 +28,13 @@ def find_version(words: str, state: ThreadState) -> int | None:
     if not versions:
         return None
     if _PATTERNS.newest.search(plain):
-        return max(each["number"] for each in versions)
+        return max(version["number"] for version in versions)
     for pattern in (_PATTERNS.before, _PATTERNS.without):
         if (found := pattern.search(plain)) and (number := _find_absence(found["what"], state)):
             return number
     wanted = _list_tokens(plain)
-    scored = [(_score(wanted, each, versions), each["number"]) for each in versions
-              if each["number"] != state.get("current")]  # fmt: skip
+    scored = [(_score(wanted, version, versions), version["number"]) for version in versions
+              if version["number"] != state.get("current")]  # fmt: skip
     best = max(scored, default=(0.0, 0))
     if best[0] > 0:
         return best[1]
@@ -61,8 +61,11 @@ def find_removal(words: str, state: ThreadState) -> tuple[int, tuple[Edit, ...]]
 
 def _list_kinds(graph: SocialGraph) -> dict[str, set[str | None]]:
     """By id, what may be said of an agent or an object: its class, or kind, and its subtype."""
-    agents = {each.id: {each.type, each.subtype, each.id} for each in graph.agents}
-    return agents | {each.id: {each.kind, each.subtype, each.id} for each in graph.objects}
+    agents = {agent.id: {agent.type, agent.subtype, agent.id} for agent in graph.agents}
+    return agents | {
+        scene_object.id: {scene_object.kind, scene_object.subtype, scene_object.id}
+        for scene_object in graph.objects
+    }
 
 
 def _find_absence(what: str, state: ThreadState) -> int | None:

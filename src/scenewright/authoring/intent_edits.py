@@ -114,8 +114,8 @@ def _guess(words: str) -> Guess:
 
 def relates_known(reading: Edits, talk: Talk) -> bool:
     """Whether what happens between agents that are there becomes something else."""
-    known = {each.id for each in talk.situation.graph.agents}
-    edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
+    known = {agent.id for agent in talk.situation.graph.agents}
+    edges = [edit.edge for edit in reading.edits if isinstance(edit, Relate)]
     return any(edge.pair <= known for edge in edges)
 
 
@@ -123,19 +123,19 @@ def is_consistent(reading: Reading, intent: str, words: str, talk: Talk) -> bool
     """Whether a reading does what the intent is: its edits are of its kinds, of those that are
     named, its way as said."""
     kinds = MAKES.get(intent, ())
-    if not isinstance(reading, Edits) or not all(each.edit in kinds for each in reading.edits):
+    if not isinstance(reading, Edits) or not all(edit.edit in kinds for edit in reading.edits):
         return False
     named = talk.find_agents(simplify(words))
-    nodes = [each.node for each in reading.edits if isinstance(each, ChangeAgent)]
+    nodes = [edit.node for edit in reading.edits if isinstance(edit, ChangeAgent)]
     dials = [e.agent for e in reading.edits if isinstance(e, SetPace | WaitLonger | MoveStop)]
-    if named and not {*dials, *(each.id for each in nodes)} <= {each.id for each in named}:
+    if named and not {*dials, *(node.id for node in nodes)} <= {each.id for each in named}:
         return False
     does = _DOES.get(intent)
     return does is None or does(reading, EditIntent(intent, words.lower(), talk, tuple(named)))
 
 
 def _sets_pace(reading: Edits, wish: EditIntent) -> bool:
-    paces = [each for each in reading.edits if isinstance(each, SetPace)]
+    paces = [edit for edit in reading.edits if isinstance(edit, SetPace)]
     if not paces:
         return wish.says(r"\d")
     every = not wish.says(r"\b(?:both|them|each|everyone)\b") or len(paces) > 1
@@ -144,20 +144,20 @@ def _sets_pace(reading: Edits, wish: EditIntent) -> bool:
 
 def _keeps_events(reading: Edits, wish: EditIntent) -> bool:
     """Whether what happens stays, and only by how much does not."""
-    now = {(each.from_, each.to, each.type) for each in wish.talk.list_edges()}
-    edges = [each.edge for each in reading.edits if isinstance(each, Relate)]
-    return all((each.from_, each.to, each.type) in now for each in edges)
+    now = {(edge.from_, edge.to, edge.type) for edge in wish.talk.list_edges()}
+    edges = [edit.edge for edit in reading.edits if isinstance(edit, Relate)]
+    return all((edge.from_, edge.to, edge.type) in now for edge in edges)
 
 
 def _changes_way(reading: Edits, wish: EditIntent) -> bool:
     field = {"turn": "movement", "cross_at": "crosswalk", "come_from": "entry"}[wish.intent]
     said = _find_turn(wish.plain) if wish.intent == "turn" else _find_side(wish.plain)
-    nodes = (each.node for each in reading.edits if isinstance(each, ChangeAgent))
+    nodes = (edit.node for edit in reading.edits if isinstance(edit, ChangeAgent))
     return said is None or any(getattr(node, field) == said for node in nodes)
 
 
 def _adds_agent(reading: Edits, wish: EditIntent) -> bool:
-    related = any(isinstance(each, Relate) for each in reading.edits)
+    related = any(isinstance(edit, Relate) for edit in reading.edits)
     if (wish.named and wish.says(_JOINS)) or relates_known(reading, wish.talk):
         return False
     return related or not wish.says(r"\b(?:behind|follow)")
@@ -169,17 +169,17 @@ def _changes_context(reading: Edits, wish: EditIntent) -> bool:
         wish.talk.situation.graph.context,
         sum(wish.talk.situation.count_background().values()),
     )
-    edits = [each for each in reading.edits if isinstance(each, ChangeContext)]
+    edits = [edit for edit in reading.edits if isinstance(edit, ChangeContext)]
     if wish.intent == "clock":
-        return any(each.time_of_day != was.time_of_day for each in edits)
-    ranges = [DENSITIES[each.density or "medium"] for each in edits]
+        return any(edit.time_of_day != was.time_of_day for edit in edits)
+    ranges = [DENSITIES[edit.density or "medium"] for edit in edits]
     return not (edits and wish.says(r"\b(?:half|twice|double)\b")) and all(
         now < least if wish.intent == "more_traffic" else now > most for least, most in ranges
     )
 
 
 def _redraws(reading: Edits, wish: EditIntent) -> bool:
-    return " for " in wish.plain or all(each == Redraw() for each in reading.edits)
+    return " for " in wish.plain or all(edit == Redraw() for edit in reading.edits)
 
 
 _DOES: dict[str, Callable[[Edits, EditIntent], bool]] = {
@@ -209,7 +209,7 @@ def find_new_kind(plain: str) -> Named | None:
     """The noun of a new agent, as in "a bus" or "into a bus"; None where there is none."""
     ridden = _PATTERNS.ridden.sub("", plain)
     nouns = [each for each in find_named(ridden) if each.type not in (None, "none")]
-    new = [each for each in nouns if each.det in ("indefinite", "another")]
+    new = [noun for noun in nouns if noun.det in ("indefinite", "another")]
     bare = [e for e in nouns if e.det == "bare" and _PATTERNS.before_kind.search(ridden[: e.start])]
     return next(iter(new or bare), None)
 
@@ -287,7 +287,7 @@ class EditIntent:
 
     def find_walker(self) -> AgentNode | None:
         """The only pedestrian that takes part."""
-        found = [each for each in self.talk.list_agents() if each.type == "pedestrian"]
+        found = [agent for agent in self.talk.list_agents() if agent.type == "pedestrian"]
         return found[0] if len(found) == 1 else None
 
     def number(self, *units: str) -> float | None:
@@ -308,12 +308,12 @@ class EditIntent:
 
     def measured(self, figure: str) -> float | None:
         """A figure that the checker measured of the first event that has it."""
-        figures = (each.evidence.get(figure) for each in self.talk.events)
+        figures = (event.evidence.get(figure) for event in self.talk.events)
         return next((each for each in figures if isinstance(each, float)), None)
 
     def pair(self) -> tuple[str, str] | None:
         """(actor, affected agent): the two that are named, else those of the only relation."""
-        every = [each.id for each in self.talk.situation.graph.agents]
+        every = [agent.id for agent in self.talk.situation.graph.agents]
         edge = self.find_edge()
         if len(self.named) >= 2:
             return self.named[0].id, self.named[1].id
@@ -562,7 +562,7 @@ def _change_motion(wish: EditIntent) -> _Answer:
 def _change_reaction(wish: EditIntent) -> _Answer:
     """The agent of a collision or a near miss that does not react to it, or reacts after all."""
     node = wish.choose()
-    drivers = [each for each in wish.talk.list_agents() if each.type != "pedestrian"]
+    drivers = [agent for agent in wish.talk.list_agents() if agent.type != "pedestrian"]
     if "brake" in wish.plain and (node is None or node.type == "pedestrian"):
         node = drivers[0] if len(drivers) == 1 else None
     if node is None:
@@ -646,7 +646,7 @@ def _park_vehicle(wish: EditIntent) -> _Answer:
         return made
     thing, side = re.search(r"\b(?:box|container|bin)\b", wish.plain), _find_side(wish.plain)
     nouns = find_named(re.sub(_STANDS, "", wish.plain))
-    kinds = [each.subtype for each in nouns if each.type == "vehicle"]
+    kinds = [noun.subtype for noun in nouns if noun.type == "vehicle"]
     if not (thing or kinds):
         return None
     number = max((int(o.id[7:]) for o in wish.talk.situation.graph.objects), default=0) + 1
@@ -660,9 +660,9 @@ def _change_standing(wish: EditIntent) -> Edits | None:
     plain = re.sub(_STANDS, "", wish.plain)
     nouns, side = find_named(plain), _find_side(plain)
     old = [o for o in wish.talk.situation.graph.objects if o.id in plain or any(
-        each.det != "indefinite" and each.subtype == (o.subtype or "car") for each in nouns
+        noun.det != "indefinite" and noun.subtype == (o.subtype or "car") for noun in nouns
     ) or re.search(rf"\bthe {o.kind}\b", plain)]  # fmt: skip
-    new = [each.subtype for each in nouns if each.det == "indefinite" and each.type == "vehicle"]
+    new = [noun.subtype for noun in nouns if noun.det == "indefinite" and noun.type == "vehicle"]
     if len(old) != 1:
         return None
     update = {"subtype": new[0]} if new else {"leg": side, "side": None} if side else None
@@ -694,7 +694,7 @@ def _change_light(wish: EditIntent) -> _Answer:
     """Who runs the red light, or no longer does; then nothing comes of it any more, either."""
     runs = wish.intent == "run_red"
     causes = [e for e in wish.talk.list_edges() if has_trait("cause", e.cause, "red_light")]
-    running = [each for each in wish.talk.situation.graph.agents if each.runs_red]
+    running = [agent for agent in wish.talk.situation.graph.agents if agent.runs_red]
     node = wish.choose() if runs else next(iter(running), None)
     if node is None and (runs or not causes):
         return None if runs else decline("No agent runs a red light in this scene.")

@@ -142,7 +142,7 @@ def _measure_cover(sentence: str, words: str) -> int:
 def _list_classes(text: str) -> set[tuple[str, str | None]]:
     """The classes of the road users that a text names."""
     nouns = (each.removesuffix("s") for each in re.findall(r"[a-z-]+", text.lower()))
-    return {CLASSES[each] for each in nouns if each in CLASSES}
+    return {CLASSES[noun] for noun in nouns if noun in CLASSES}
 
 
 def offer_sentences(what: str, sentences: Sequence[str]) -> Clarification:

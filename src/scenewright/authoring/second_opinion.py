@@ -123,8 +123,8 @@ def _is_change(words: str) -> bool:
     clauses = [each for each in _PATTERNS.clauses.split(words) if each.strip()]
     if len(clauses) < 2:
         return False
-    guesses = [guess_intent(each) for each in clauses]
-    return any(each.is_change and each.chance >= LIKELY for each in guesses)
+    guesses = [guess_intent(clause) for clause in clauses]
+    return any(guess.is_change and guess.chance >= LIKELY for guess in guesses)
 
 
 def correct(words: str, before: str) -> tuple[str, bool]:
@@ -223,10 +223,10 @@ def choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> R
         return found
     chances = dict(rank_intents(words))
     asked = sum(chances[name] for name in WORDS["second_opinion"]["removing"]) >= _HARDLY
-    removes = any(each.edit == "remove_agent" for each in found.edits)
+    removes = any(edit.edit == "remove_agent" for edit in found.edits)
     if removes and (_PATTERNS.keeps_out.search(plain) or not asked):
         return _ask(words, talk, read) or _decline_change()
-    hits = any(isinstance(each, Relate) and each.edge.type == "collide_at" for each in found.edits)
+    hits = any(isinstance(edit, Relate) and edit.edge.type == "collide_at" for edit in found.edits)
     if hits and _PATTERNS.no_contact.search(plain):
         return offer_sentences("I am not sure what shall be different.", ["make it a near miss"])
     return _keep_ways(found, talk)
@@ -235,13 +235,13 @@ def choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> R
 def _keep_ways(reading: Edits, talk: Talk) -> Edits:
     """What the words leave open of an agent's way is as it was: all of it, or after a turn where
     it comes from."""
-    known = {each.id: each for each in talk.situation.graph.agents}
+    known = {agent.id: agent for agent in talk.situation.graph.agents}
 
     def keep(edit: Edit) -> Edit:
         if not isinstance(edit, ChangeAgent) or edit.node.id not in known:
             return edit
         node, was, view = edit.node, known[edit.node.id], talk.view(edit.node)
-        if all(getattr(node, each) == getattr(was, each) for each in WAY_FIELDS):
+        if all(getattr(node, field) == getattr(was, field) for field in WAY_FIELDS):
             return ChangeAgent(node=talk.keep_way(node))
         if view is None or node.entry is not None or node.movement in (None, view.movement):
             return edit
@@ -256,7 +256,7 @@ def _choose_reading(words: str, by_planner: Reading, talk: Talk, read: Read) -> 
         called = ", ".join(agent.called for agent in talk.situation.foreground)
         return decline(f"Nobody here is called {name}; there is {called or 'nobody'}.")
     if (noun := simplify(words)) in CLASSES:
-        there = [f"remove {each.id}" for each in talk.find_agents(f"the {noun}")[:1]]
+        there = [f"remove {agent.id}" for agent in talk.find_agents(f"the {noun}")[:1]]
         return offer_sentences(f"What about the {noun}?", [f"add a {noun}", *there])
     if is_consistent(by_planner, guess.intent, words, talk):
         return by_planner
@@ -280,7 +280,7 @@ def _is_bold(reading: Edits, words: str) -> bool:
     """Whether it changes what the words hardly ask for, by all intents that make such changes."""
     if find_new_kind(simplify(words)) is not None:
         return False
-    kinds = {each.edit for each in reading.edits}
+    kinds = {edit.edit for edit in reading.edits}
     fitting = (e.chance for e in rank_intents(words) if kinds.intersection(MAKES.get(e.name, ())))
     return sum(fitting) < _HARDLY
 

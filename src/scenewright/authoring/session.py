@@ -239,7 +239,7 @@ class Session:
     def list_turns(self) -> list[ThreadState]:
         """The thread as it was after every turn, from the first."""
         history = self._graph.get_state_history(self._config)
-        ended = [each.values for each in history if each.values.get("reply") and not each.next]
+        ended = [state.values for state in history if state.values.get("reply") and not state.next]
         return cast(list[ThreadState], ended[::-1])
 
     def speak_with(self, backend: Backend) -> None:
@@ -494,7 +494,7 @@ def _build_talk(state: ThreadState, context: SessionContext) -> Talk | None:
         deserialize_version(context.threads.get_bytes(version["earlier"])),
     )
     talk = Talk(situation, _list_touched(state), proof.events, state.get("narrator"))
-    asked = [each.id for each in talk.find_agents(simplify(state.get("before", "")))]
+    asked = [agent.id for agent in talk.find_agents(simplify(state.get("before", "")))]
     if len(asked) == 1:  # "how fast is the car?", and then "make it slower"
         talk = replace(talk, touched=[*asked, *talk.touched])
     return talk
@@ -551,7 +551,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             # What was left out of the version is left out of what is made of it.
             record, proof = _load_scene(version, context)
             shared["lenient"] = shared["lenient"] or bool(proof.list_words("not_shown"))
-            names = all(isinstance(each, CallAgent) for each in reading.edits)
+            names = all(isinstance(edit, CallAgent) for edit in reading.edits)
             text = version["text"] if names else _join_words(version["text"], state["words"])
             step = partial(
                 change, text, reading.edits, partial(synthesize, **shared),
@@ -626,7 +626,7 @@ def _enter_version(
     keep, scene = context.threads.keep, made.scene
     versions = state.get("versions", [])
     parent = state.get("current")
-    dumped = [each.model_dump(mode="json", by_alias=True) for each in edits]
+    dumped = [edit.model_dump(mode="json", by_alias=True) for edit in edits]
     paid = {**state.get("models", {}), **scene.provenance.get("models", {})}
     provenance = {**scene.provenance, "edits": dumped, **_build_costs(paid)}
     version: Version = {
@@ -675,7 +675,7 @@ def _build_refusal(
         "words": state["words"],
         "code": code,
         "reason": reason,
-        "rejections": [each.model_dump(mode="json") for each in rejections],
+        "rejections": [rejection.model_dump(mode="json") for rejection in rejections],
         "called": {} if isinstance(error, DeclinedTurn | Rejected) else dict(error.called),
     }
     spent = {} if isinstance(error, DeclinedTurn) else error.models
@@ -705,7 +705,7 @@ def answer(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadSta
     reading = _READING.validate_python(plain)
     match reading:
         case Clarification():
-            choices = [each.answer for each in reading.choices]
+            choices = [choice.answer for choice in reading.choices]
             return {"reply": {"kind": "asked", "question": reading.question, "choices": choices}}
         case DeclinedTurn():
             return _build_refusal(state, reading)

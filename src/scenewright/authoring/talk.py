@@ -66,7 +66,7 @@ class Talk:
         view = self.view(node)
         if view is None:
             return node
-        left_open = [each for each in WAY_FIELDS if getattr(node, each) is None]
+        left_open = [field for field in WAY_FIELDS if getattr(node, field) is None]
         return node.model_copy(update={each: getattr(view, each) for each in left_open})
 
     def find_agents(self, plain: str) -> list[AgentNode]:
@@ -88,7 +88,7 @@ class Talk:
             return self._find_other() if named.det == "other" else None
         alike = self._list_alike(named)
         if named.det in ORDINALS:
-            alike = [each for each in self.situation.graph.agents if each in alike]
+            alike = [agent for agent in self.situation.graph.agents if agent in alike]
             alike = alike[ORDINALS[named.det] :][:1]
         if named.det == "other":
             alike = [each for each in alike if each.id not in self.touched[:1]]
@@ -156,7 +156,7 @@ class Talk:
 
     def _list_alike(self, named: Named) -> list[AgentNode]:
         """The agents that a noun may mean: "the car" is any vehicle where none is called so."""
-        found = [each for each in self.list_agents() if each.type == named.type]
+        found = [agent for agent in self.list_agents() if agent.type == named.type]
         called = {each.id: each.called for each in self.situation.present}
         if own := [each for each in found if called.get(each.id) == f"the {named.phrase}"]:
             return own
@@ -167,17 +167,17 @@ class Talk:
     def _find_word(self, word: str) -> AgentNode | None:
         """The agent of an id or a pronoun."""
         agents = self.list_agents()
-        if word in {each.id for each in agents}:
+        if word in {agent.id for agent in agents}:
             return self.situation.graph.agent(word)
         if word == "me":
             mine = find_named(f"the {self.narrator}") if self.narrator else []
             return self.find_noun(mine[0]) if mine else None
         if word == "that one":
             return agents[0] if agents else None
-        vehicles = [each for each in agents if each.type == "vehicle"]
+        vehicles = [agent for agent in agents if agent.type == "vehicle"]
         if word == "ego":
             return vehicles[0] if len(vehicles) == 1 else None
-        found = [each for each in agents if each.type != "vehicle"] or agents
+        found = [agent for agent in agents if agent.type != "vehicle"] or agents
         if word in ("it", "that"):
             last = [e for e in agents if e.type != "pedestrian" and e.id in self.touched]
             found = last or vehicles or agents
@@ -188,9 +188,9 @@ class Talk:
     def _find_other(self) -> AgentNode | None:
         """Of two that were spoken of, the one that was not meant last."""
         agents = self.list_agents()
-        last = next((each for each in agents if each.id in self.touched), None)
+        last = next((agent for agent in agents if agent.id in self.touched), None)
         if last is None:
             return None
-        rest = [each for each in agents if each.id != last.id]
+        rest = [agent for agent in agents if agent.id != last.id]
         alike = [each for each in rest if each.type == last.type]
         return rest[0] if len(rest) == 1 else alike[0] if len(alike) == 1 else None

@@ -95,7 +95,7 @@ def change(
             continue
         found = trial.solve_revision(pins)
         if isinstance(found, Scene):
-            words = found.record.meta.texts[-1] * any(each.edit != "call_agent" for each in edits)
+            words = found.record.meta.texts[-1] * any(edit.edit != "call_agent" for edit in edits)
             if unasked := find_unasked_changes(record, found.record, words):
                 refused = Unsatisfiable(f"more would change than was said: {'; '.join(unasked)}")
                 continue
@@ -141,7 +141,7 @@ def _has_given_stops(scene: Scene, revision: Revision) -> bool:
     chosen = scene.state["selection"].agents
     return all(
         name in chosen
-        and {round(each.s, 2) for each in agent.stops}
+        and {round(stop.s, 2) for stop in agent.stops}
         <= {round(s.s, 2) for s in chosen[name].stops}
         for name, agent in revision.amended.items()
         if name in revision.by_hand
@@ -150,7 +150,7 @@ def _has_given_stops(scene: Scene, revision: Revision) -> bool:
 
 def _loosen(pins: FrozenAgents, revision: Revision, refused: Unsatisfiable) -> FrozenAgents | None:
     """The frozen agents without the background agents in the way; None if no agent was."""
-    foreground = {each.id for each in revision.graph.agents}
+    foreground = {agent.id for agent in revision.graph.agents}
     blamed = {name for each in refused.rejections for name in each.agents} - foreground
     blamed &= pins.fixed.keys()
     return pins.release(blamed) if blamed else None
@@ -162,13 +162,13 @@ def build_previous_version(scene: Scene) -> PreviousVersion:
     selection, behavior, tracks = state["selection"], state["behavior"], state["refined"]
     return PreviousVersion(
         agents={
-            each.name: PreviousAgent(
-                each.id,
-                selection.agents[each.name],
-                behavior.segments[each.name],
-                tracks[each.name],
+            agent.name: PreviousAgent(
+                agent.id,
+                selection.agents[agent.name],
+                behavior.segments[agent.name],
+                tracks[agent.name],
             )
-            for each in scene.record.agents
+            for agent in scene.record.agents
         },
         patterns=state["candidates"].cast.patterns,
         hour=state["candidates"].hour,
@@ -183,8 +183,8 @@ def _build_result(
     scene: Scene, revision: Revision, before: SceneRecord, by_hand: Sequence[str]
 ) -> EditResult:
     """The version, and the agents that differ from before."""
-    old = {each.name: each for each in before.agents}
-    new = {each.name: each for each in scene.record.agents}
+    old = {agent.name: agent for agent in before.agents}
+    new = {agent.name: agent for agent in scene.record.agents}
     unlike = [name for name, each in new.items() if name in old and old[name] != each]
     let_go = [n for n in by_hand if n in unlike and n not in revision.by_hand]
     as_given = {n for n in (*by_hand, *revision.by_hand) if n in new and n not in let_go}

@@ -47,7 +47,7 @@ def choose_backend(
     """The backend, or one per stage (see `load_backend`)."""
     names = _parse_by_task(name)
     models = [each for each in names.values() if isinstance(each, str)]
-    if base_url is not None and not any(each.startswith("openai:") for each in models):
+    if base_url is not None and not any(model.startswith("openai:") for model in models):
         raise InputError(
             "--base-url is where an OpenAI-compatible model is reached; name one, as openai:MODEL"
         )

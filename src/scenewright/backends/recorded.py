@@ -94,7 +94,7 @@ class Answers:
         if head is None:
             raise InputError(f"{path} holds no recorded answers")
         found = cls(path, head)
-        found._known = {each.key: each for each in answers}
+        found._known = {answer.key: answer for answer in answers}
         return found
 
     @classmethod
@@ -305,4 +305,4 @@ def _list_asked_tasks(head: AnswersHead) -> dict[Task, ModelIdentity]:
 
 
 def _format_names(head: AnswersHead) -> str:
-    return ", ".join(dict.fromkeys(each.name for each in head.speakers.values()))
+    return ", ".join(dict.fromkeys(speaker.name for speaker in head.speakers.values()))

@@ -24,8 +24,8 @@ def read_catalogue() -> tuple[Traversable, dict[str, Any]]:
     """The folder of the plans; and by id what each is taken from, and why others are absent."""
     folder = resources.files("scenewright.scene") / "catalogue"
     sources = tomllib.loads((folder / "sources.toml").read_text("utf-8"))
-    for each in sources["plans"].values():
-        each["document"] = sources["documents"][each["document"]]
+    for source in sources["plans"].values():
+        source["document"] = sources["documents"][source["document"]]
     return folder, sources
 
 
@@ -79,8 +79,8 @@ def make_entries(
     folder, sources = read_catalogue()
     if every == (name is not None):
         raise InputError("name one plan, or write --all")
-    for each in sources["plans"] if name is None else [name]:
-        format_entry(each)  # it is there
-        with resources.as_file(folder / f"{each}.yaml") as file:
-            made = sweep(plan=str(file), out=f"{out}/{each}", options=options, quiet=quiet)
+    for source in sources["plans"] if name is None else [name]:
+        format_entry(source)  # it is there
+        with resources.as_file(folder / f"{source}.yaml") as file:
+            made = sweep(plan=str(file), out=f"{out}/{source}", options=options, quiet=quiet)
         show_result(made, quiet=quiet, as_json=as_json)

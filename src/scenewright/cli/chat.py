@@ -178,7 +178,7 @@ class _ChatLoop:
     def _compare(self, arguments: list[str]) -> dict[str, Any]:
         if len(arguments) != 2:
             raise InputError("/compare needs two versions or branches, such as /compare 1 2")
-        return compare(*(get_version(self._session, each) for each in arguments))
+        return compare(*(get_version(self._session, argument) for argument in arguments))
 
     def _name(self, shown: SessionVersion) -> str:
         return f"{self._session.thread}-{shown.version['number']}"

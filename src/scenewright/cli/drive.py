@@ -144,7 +144,9 @@ def drive(*, asked: DriveOptions, quiet: Quiet = False) -> Result:
             reports = reports[:1]
         if target is not None:
             _save(reports, target)
-    _write_results([build_row(each, scene=f"seed {each.drive.seed}") for each in reports], asked)
+    _write_results(
+        [build_row(report, scene=f"seed {report.drive.seed}") for report in reports], asked
+    )
     summary = summarise(reports)
     code = _choose_exit_code(summary, asked.fail_on)
     return Result(

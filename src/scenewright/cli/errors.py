@@ -84,13 +84,13 @@ def to_cli_error(error: BaseException) -> CliError:
 
 
 def _describe_unsatisfiable(error: Unsatisfiable, costs: dict[str, Any]) -> CliError:
-    codes = [each.code for each in error.rejections]
+    codes = [rejection.code for rejection in error.rejections]
     advice = _ADVICE.get(codes[-1]) if codes else None
     if isinstance(error, OutOfTime):
         advice = "A longer --time-limit, another --seed or a less exact request may help."
     details: dict[str, Any] = {
         "advice": advice,
-        "rejections": [each.model_dump(mode="json") for each in error.rejections],
+        "rejections": [rejection.model_dump(mode="json") for rejection in error.rejections],
         **costs,
     }
     reason = format_one_line(str(error))

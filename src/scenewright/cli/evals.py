@@ -48,7 +48,9 @@ def score_trajnet(
             "learn", "predicting the benchmark", "torch", otherwise="score without --weights"
         )
     recordings = [read_recording(Path(file)) for file in files]
-    check_distinct([each.name for each in recordings], "files are called", "rename one of them")
+    check_distinct(
+        [recording.name for recording in recordings], "files are called", "rename one of them"
+    )
     evaluated = evaluate(
         recordings,
         weights=None if weights is None else Path(weights),
@@ -198,11 +200,11 @@ def score_satisfaction(
         if done % 50 == 0:
             log("judging", f"{done} of {len(labelled)} instructions")
         stop_if_asked()
-    if all(each.outcome.endswith("refused") for each in verdicts):
+    if all(verdict.outcome.endswith("refused") for verdict in verdicts):
         raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
     shares = judging.count_verdicts(verdicts, labelled)
     figures = {
         name: {"right": share.count, **share.to_share(whole=1.0)} for name, share in shares.items()
     }
-    facts = {"folder": folder, **figures, "verdicts": [vars(each) for each in verdicts]}
+    facts = {"folder": folder, **figures, "verdicts": [vars(verdict) for verdict in verdicts]}
     return Result(facts, judging.to_markdown(shares, verdicts), notes=entry.enter(figures))

@@ -73,10 +73,10 @@ def describe_intersection(name: str) -> dict[str, Any]:
         "priors_from": str(stated or "fitted") if facts["priors"] else "none",
         "legs": [{"name": leg.name, "road": leg.road} for leg in intersection_map.legs],
         "movements": [
-            {"entry": each.entry, "exit": each.exit, "turn": each.turn}
-            for each in intersection_map.movements
+            {"entry": movement.entry, "exit": movement.exit, "turn": movement.turn}
+            for movement in intersection_map.movements
         ],
-        "crosswalks": [each.leg for each in intersection_map.crosswalks],
+        "crosswalks": [crosswalk.leg for crosswalk in intersection_map.crosswalks],
         "signals": None
         if intersection_map.signals is None
         else {"cycle": intersection_map.signals.cycle},
@@ -103,10 +103,10 @@ def format_intersection(facts: dict[str, Any]) -> str:
     signals = facts["signals"]
     lights = "none" if signals is None else f"cycle of {signals['cycle']:g} s"
     ways: dict[str, list[str]] = {}
-    for each in facts["movements"]:
-        way = f"{each['turn']} to {each['exit']}"
-        if way not in ways.setdefault(each["entry"], []):
-            ways[each["entry"]].append(way)
+    for fact in facts["movements"]:
+        way = f"{fact['turn']} to {fact['exit']}"
+        if way not in ways.setdefault(fact["entry"], []):
+            ways[fact["entry"]].append(way)
     lines = [
         f"{facts['name']}: {facts['title']}",
         f"traffic: {'right' if facts['right_hand_traffic'] else 'left'}-hand",

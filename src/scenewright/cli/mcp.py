@@ -256,7 +256,9 @@ class _ClientState:
         for name in _STEPS:
             method = getattr(ToolState, name)
             signature = inspect.signature(method, eval_str=True)
-            own = [each for each in signature.parameters.values() if each.name != "self"]
+            own = [
+                parameter for parameter in signature.parameters.values() if parameter.name != "self"
+            ]
 
             @wraps(method)
             def run(name: str = name, **arguments: Any) -> dict[str, Any]:

@@ -150,7 +150,7 @@ def fill_folder(target: Path) -> Iterator[Path]:
     made: list[Path] = []
     part: Path | None = None
     try:
-        made = [each for each in target.parents if not each.exists()]
+        made = [parent for parent in target.parents if not parent.exists()]
         target.parent.mkdir(parents=True, exist_ok=True)
         part = _make_staging(target)
         yield part

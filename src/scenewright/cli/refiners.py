@@ -42,10 +42,10 @@ def adapt_refiner(
 
     recordings = [each for file in files for each in _split_recordings(name, file)]
     serving = find_refiner(name)
-    if serving is None or {each.split for each in recordings} != {"fit", "test"}:
+    if serving is None or {recording.split for recording in recordings} != {"fit", "test"}:
         return {}, "the refiner is not adapted: too few tracks, or no weights to go on from"
     log("training", f"a refiner on {sum(len(r.agents) for r in recordings)} tracks")
-    tried = [each for each in recordings if each.split == "test"]
+    tried = [recording for recording in recordings if recording.split == "test"]
     own = Refiner.from_weights(serving.net.config, serving.net.weights)
     before = compute_figures(own, tried, stride=OVERLAP)
     made, figures = train_to_files(
@@ -84,12 +84,12 @@ def _log_epochs(log: ProgressCallback, of: int) -> Callable[[Any], None]:
 
 def _split_recordings(name: str, file: FileTracks) -> Iterator[Recording]:
     """The early agents of a file, to fit, and the late ones, to test."""
-    tracks = [each for each in file.tracks if each[0] != "bicycle"]
+    tracks = [track for track in file.tracks if track[0] != "bicycle"]
     begin = min((track.start for _, track in tracks), default=0.0)
     until = begin + _TAUGHT * (max((track.end for _, track in tracks), default=0.0) - begin)
     splits: tuple[tuple[Split, bool], ...] = (("fit", True), ("test", False))
     for split, early in splits:
-        if own := [each for each in tracks if (each[1].start < until) == early]:
+        if own := [track for track in tracks if (track[1].start < until) == early]:
             yield _build_recording(f"{name} {file.name}", own, split)
 
 
@@ -183,7 +183,7 @@ def _read_walkers(paths: Sequence[str]) -> list[Recording]:
 
     found: list[Recording] = []
     for file in read_track_files(paths) if paths else ():
-        if tracks := [each for each in file.tracks if each[0] == "pedestrian"]:
+        if tracks := [track for track in file.tracks if track[0] == "pedestrian"]:
             split: Split = "test" if len(found) % 4 == 3 else "fit"
             found.append(_build_recording(file.name, tracks, split))
     if paths and not found:

@@ -49,7 +49,10 @@ def summarize_scene(scene: SceneRecord, proof: Proof) -> list[str]:
     if not lines and not scene.encounters:
         lines = ["nothing happens: no collision, near miss or yielding"]
     lines += _describe_unasked_runs(scene, proof)
-    lines += [_describe_object(each, scene, proof, intersection_map) for each in scene.objects]
+    lines += [
+        _describe_object(scene_object, scene, proof, intersection_map)
+        for scene_object in scene.objects
+    ]
     lines += [_describe_background(scene), *list_unseen_words(proof), *list_choices(scene.said)]
     return [format_verdict(proof), *(f"  {line}" for line in lines)]
 
@@ -65,10 +68,10 @@ def list_unseen_words(proof: Proof) -> list[str]:
     lines = []
     for state, title in _TITLES.items():
         words = [
-            f"{each.words!r} ({each.evidence})"
+            f"{word.words!r} ({word.evidence})"
             if state in ("not_shown", "contradicted")
-            else repr(each.words)
-            for each in proof.list_words(state)
+            else repr(word.words)
+            for word in proof.list_words(state)
         ]
         lines += [format_one_line(f"{title}: {', '.join(words)}")] if words else []
     return lines

@@ -112,7 +112,7 @@ def build_facts(shown: SessionVersion) -> dict[str, Any]:
     return {
         **shown.proof.build_verdict(),
         "events": shown.record.to_json()["events"],
-        "agents": [{key: getattr(each, key) for key in _AGENT} for each in shown.record.agents],
+        "agents": [{key: getattr(agent, key) for key in _AGENT} for agent in shown.record.agents],
         "duration": shown.record.meta.duration,
         "time_of_day": shown.record.meta.time_of_day,
         **{key: version[key] for key in ("edits", "moved", "gone", "come", "longer", "let_go")},

@@ -64,7 +64,7 @@ def _format_version(reply: dict[str, Any], shown: SessionVersion | None) -> list
 
 def _format_others(reply: dict[str, Any], scene: SceneRecord) -> str:
     """Other agents that changed; of a background that was drawn anew how many there are now."""
-    around = [each.name for each in scene.agents if each.role == "background"]
+    around = [agent.name for agent in scene.agents if agent.role == "background"]
     redrawn = bool(reply["gone"]) and {*around} <= {*reply["come"]} and len(around) > 0
     said = []
     for key, verb in (("moved", "also moved"), ("gone", "gone"), ("come", "new")):

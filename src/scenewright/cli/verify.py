@@ -138,26 +138,26 @@ def report(checked: list[Checked | CheckedTracks]) -> Result:
     """
     scenes = [each for each in checked if isinstance(each, Checked)]
     tracks = [each for each in checked if isinstance(each, CheckedTracks)]
-    unusable = [each.error for each in scenes if each.error is not None]
-    good = all(each.proof is not None and each.proof.verified for each in scenes)
+    unusable = [scene.error for scene in scenes if scene.error is not None]
+    good = all(scene.proof is not None and scene.proof.verified for scene in scenes)
     facts = {"ok": good, "scenes": [each.to_json() for each in checked]}
     if tracks and len(checked) == 1:
         facts = {"ok": good, **tracks[0].to_json()}
     notes = [f"{each.path}: {note}" for each in tracks for note in each.tracks.notes]
     notes += [
-        f"{each.path}: not looked at: {', '.join(each.unchecked)}"
-        for each in scenes
-        if each.unchecked
+        f"{scene.path}: not looked at: {', '.join(scene.unchecked)}"
+        for scene in scenes
+        if scene.unchecked
     ]
 
     def format_all() -> str:
-        listed = _format_scenes(scenes) if any(each.proof for each in scenes) else ""
+        listed = _format_scenes(scenes) if any(scene.proof for scene in scenes) else ""
         return listed + "".join(map(format_tracks_report, tracks))
 
     return Result(
         facts,
         format_all,
-        notes=[*(f"note: {each}" for each in notes), *(f"scenewright: {e}" for e in unusable)],
+        notes=[*(f"note: {note}" for note in notes), *(f"scenewright: {e}" for e in unusable)],
         code=0 if good else UNUSABLE if unusable else NOT_VERIFIED,
     )
 
@@ -193,6 +193,6 @@ def _list_cells(event: Event, scene: SceneRecord) -> tuple[str, ...]:
 def _list_findings(checked: Checked) -> list[str]:
     if checked.proof is None:
         return []
-    found = [f"{each.rule}: {each.detail}" for each in list_findings(checked.proof)]
+    found = [f"{finding.rule}: {finding.detail}" for finding in list_findings(checked.proof)]
     lines = [*shorten(found, SHOWN), *list_unseen_words(checked.proof)]
     return [format_one_line(f"{checked.path}: {line}") for line in lines]

@@ -143,7 +143,7 @@ def _compute_motion(
     law = candidate.time_law
     limit, held = compute_squared_speed_limit(candidate), _build_hold_table(holds, law)
     # As holds, but for the last column: how far the speed is kept [m].
-    rows = [(each.s, 0.0, each.braking, each.speed, each.kept) for each in slowings]
+    rows = [(slowing.s, 0.0, slowing.braking, slowing.speed, slowing.kept) for slowing in slowings]
     slow = np.array(rows) if rows else _NOWHERE
     s = compute_arc_lengths(candidate.path.s, limit, held, slow, law.acceleration)
     return Motion(candidate, s)

@@ -72,7 +72,7 @@ def find_landmarks(candidate: Candidate, *, map_areas: MapAreas) -> Landmarks:
         return Landmarks(_find_kerb(candidate, intersection_map), crossed, group)
     own = f"{route.crosswalk}:crosswalk"
     line = next((begins for name, begins, _ in crossed if name == own), None)
-    steps_on = sum(each.steps_on for each in visits if each.crosswalk == own)
+    steps_on = sum(visit.steps_on for visit in visits if visit.crosswalk == own)
     return Landmarks(line, crossed, group, None if line is None else own, steps_on)
 
 

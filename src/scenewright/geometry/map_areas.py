@@ -42,8 +42,8 @@ class MapAreas:
 
     def __init__(self, intersection_map: IntersectionMap) -> None:
         self.intersection_map = intersection_map
-        crosswalks = [geos.Polygon(each.polygon) for each in intersection_map.crosswalks]
-        self._crosswalks = [each.id for each in intersection_map.crosswalks]
+        crosswalks = [geos.Polygon(crosswalk.polygon) for crosswalk in intersection_map.crosswalks]
+        self._crosswalks = [crosswalk.id for crosswalk in intersection_map.crosswalks]
         # Corners [M, 2] of all, where each begins and ends among them [P + 1], boxes [P, 4].
         each = [np.array(crosswalk.polygon) for crosswalk in intersection_map.crosswalks]
         self._corners: FloatArray = np.concatenate([np.empty((0, 2)), *each])

@@ -189,14 +189,14 @@ def read_query(asked: str | Mapping[str, Any], *, intersection: str | None = Non
     place, unknown = intersection or DEFAULT_INTERSECTION, list[str]()
     if not isinstance(asked, str) or is_plan_file(asked):
         logical = read_logical_plan(asked)
-        unknown = [each.text for each in logical.constraints]
+        unknown = [constraint.text for constraint in logical.constraints]
         if intersection is None:
             unknown += logical.legs.values()
         plans = _list_bounds(logical.place_at(load_map(place)))
     else:
         plan = plan_instruction(asked, intersection=place)
         plans = ((plan, plan),)
-        unknown = [each.words for each in list_unknown_words(asked, load_map(place))]
+        unknown = [word.words for word in list_unknown_words(asked, load_map(place))]
     unheld = [each.words for each in plans[0][0].said if each.became in _UNHELD]
     bare = {"said": ()}
     plans = tuple((a.model_copy(update=bare), b.model_copy(update=bare)) for a, b in plans)
@@ -224,8 +224,8 @@ def load_sources(path: Path, intersection: str | None = None) -> Iterator[Source
     """
     if path.is_dir() or path.suffix == ".json":
         scene = load_scene(path)
-        names = {each.id: each.name for each in scene.agents}
-        subtypes = {each.id: each.subtype or each.type for each in scene.agents}
+        names = {agent.id: agent.name for agent in scene.agents}
+        subtypes = {agent.id: agent.subtype or agent.type for agent in scene.agents}
         tracks = ExternalTracks(read_users(scene), names, subtypes, scene.meta.step)
         place = load_map(intersection or scene.meta.intersection)
         yield Source(str(path), tracks, place, scene.signals, scene.meta.time_of_day)
@@ -253,7 +253,7 @@ def find_hits(query: Query, source: Source) -> Iterator[Hit]:
 def list_untestable(query: Query, source: Source) -> tuple[str, ...]:
     """What is asked for that no stretch of such a recording can show, one sentence each."""
     fields = (each for plan, _ in query.plans for each in list_fields(plan))
-    lacks = [f"{each.words}: {lack}" for each in fields if (lack := _find_lack(each, source))]
+    lacks = [f"{field.words}: {lack}" for field in fields if (lack := _find_lack(field, source))]
     unheld = [f"'{words}': no field of a plan holds it" for words in query.unheld]
     return tuple(dict.fromkeys([*unheld, *lacks]))
 
@@ -423,7 +423,9 @@ class _PlanSearch:
             counts[nodes[numbers[name]].type] += int(name.partition("-")[2])
         regions = place.goal_regions if place else ()
         agents = list[AgentRecord]()
-        goals: dict[Any, Point] = {(each.type, each.leg): each.polygon[0] for each in regions}
+        goals: dict[Any, Point] = {
+            (region.type, region.leg): region.polygon[0] for region in regions
+        }
         for n, track in self._tracks.items():
             inside = (track.times >= span[0] - 1e-6) & (track.times <= span[1] + 1e-6)
             if inside.sum() < 2:

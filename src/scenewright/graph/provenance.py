@@ -23,7 +23,7 @@ def describe_provenance(
         state: of a run that made a scene; seconds: wall time by stage; calls: of its models.
     """
     models = sum_costs_by_task(calls)
-    names = [each.pattern for each in state["candidates"].cast.patterns]
+    names = [pattern.pattern for pattern in state["candidates"].cast.patterns]
     patterns, selection = [get_pattern(name) for name in names], state["selection"]
     optimality: dict[str, Any] = {}
     if context.selection == "map":
@@ -42,9 +42,9 @@ def describe_provenance(
         "intersection": context.intersection.name,
         "scene_digest": state["proof"].scene_digest,
         "versions": _list_versions(),
-        "constraints": [format_clause(each) for each in state["constraints"].clauses],
+        "constraints": [format_clause(clause) for clause in state["constraints"].clauses],
         "patterns": names,
-        "taxonomy": [f"{each.theme} / {each.subtype} / {each.id}" for each in patterns],
+        "taxonomy": [f"{pattern.theme} / {pattern.subtype} / {pattern.id}" for pattern in patterns],
         "rejections": [each.model_dump(mode="json") for each in state.get("rejections", [])],
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
         **({"models": models} if models else {}),

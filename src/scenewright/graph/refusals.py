@@ -61,7 +61,7 @@ def _call_agents(error: ScenewrightError, state: SceneState) -> ScenewrightError
 def _choose_best_reason(rejections: tuple[Rejection, ...]) -> str:
     """The last refusal, or the one that came nearest."""
     # Where most attempts failed on a clause that never held, the nearest of them says most.
-    unserved = [each for each in rejections if each.missed is not None]
+    unserved = [rejection for rejection in rejections if rejection.missed is not None]
     if 2 * len(unserved) > len(rejections):
         return f"nearest: {min(unserved, key=lambda each: each.missed or (0, 0.0)).detail}"
     return f"last: {rejections[-1].detail}"

@@ -66,7 +66,7 @@ def read_scene(file: Path) -> tuple[SceneRecord, str]:
             record = SceneRecord.model_validate_json(data)
         except ValidationError as error:
             faults = error.errors(include_url=False)
-            if {each["loc"][-1] for each in faults if each["type"] == "missing"} >= _PAPER_LACKS:
+            if {fault["loc"][-1] for fault in faults if fault["type"] == "missing"} >= _PAPER_LACKS:
                 raise InputError(
                     f"{file} is a scene of the paper profile (Listing 1): without headings, sizes, "
                     "relations and signals nothing can be proven; verify the full scene.json"

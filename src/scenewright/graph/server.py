@@ -90,7 +90,7 @@ def make(state: MakeRequest) -> MakeReply:
         )
     except (InputError, Unsatisfiable) as error:
         rejections = error.rejections if isinstance(error, Unsatisfiable) else ()
-        plain = [each.model_dump(mode="json") for each in rejections]
+        plain = [rejection.model_dump(mode="json") for rejection in rejections]
         refusal: RefusedRequest = {
             "code": error.code, "reason": str(error), "rejections": plain
         }  # fmt: skip

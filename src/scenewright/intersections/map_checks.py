@@ -69,8 +69,11 @@ def _list_missing(place: IntersectionMap) -> Iterator[str]:
     """What the lights name and the map does not have, in words."""
     if place.signals is None:
         return
-    groups, ways = {each.id for each in place.signals.groups}, {each.id for each in place.movements}
-    crosswalks = {each.id for each in place.crosswalks}
+    groups, ways = (
+        {group.id for group in place.signals.groups},
+        {movement.id for movement in place.movements},
+    )
+    crosswalks = {crosswalk.id for crosswalk in place.crosswalks}
     for way in place.movements:
         if way.signal_group is not None and way.signal_group not in groups:
             yield f"there are no lights {way.signal_group[:80]!r} for {way.id}"

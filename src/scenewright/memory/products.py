@@ -45,7 +45,7 @@ def deserialize_version(data: bytes) -> PreviousVersion:
             raise InputError(f"a version of format {version}, not {_VERSION}, is kept here")
         agents = [_read(PreviousAgent, each) for each in value.pop("agents")]
         return PreviousVersion(
-            agents={each.agent.name: each for each in agents},
+            agents={agent.agent.name: agent for agent in agents},
             **_read_fields(PreviousVersion, value),
         )
     except (zlib.error, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:

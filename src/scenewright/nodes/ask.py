@@ -51,7 +51,11 @@ def _prefix_detail(rejection: Rejection, of: str) -> Rejection:
 def list_stage_faults(rejections: list[Rejection], stage: Stage) -> tuple[str, ...]:
     """What was wrong with this stage's answers so far, wherever it was found."""
     codes = MISPLANNED if stage == "scene_planner" else ()
-    return tuple(each.detail for each in rejections if each.stage == stage or each.code in codes)
+    return tuple(
+        rejection.detail
+        for rejection in rejections
+        if rejection.stage == stage or rejection.code in codes
+    )
 
 
 def list_latest_rejections(rejections: list[Rejection], *stages: Stage) -> tuple[Rejection, ...]:
@@ -60,8 +64,8 @@ def list_latest_rejections(rejections: list[Rejection], *stages: Stage) -> tuple
     One that no answer could have mended ends the row: what was asked about is no longer there.
     """
     found: list[Rejection] = []
-    for each in reversed(rejections):
-        if each.stage not in stages or not each.repairable:
+    for rejection in reversed(rejections):
+        if rejection.stage not in stages or not rejection.repairable:
             break
-        found.insert(0, each)
+        found.insert(0, rejection)
     return tuple(found)

@@ -115,9 +115,9 @@ def describe_driving_side(left_hand: bool) -> str:
 def format_words(words: Sequence[Mapping[str, Any]]) -> str:
     """Numbered words of the request, each quoted, with the agents that they describe."""
     return ", ".join(
-        f"{each['number']} {quote_text(each['words'], most=_LONGEST_FAULT)}"
-        + (f" ({', '.join(each['agents'])})" if each["agents"] else "")
-        for each in words
+        f"{word['number']} {quote_text(word['words'], most=_LONGEST_FAULT)}"
+        + (f" ({', '.join(word['agents'])})" if word["agents"] else "")
+        for word in words
     )
 
 
@@ -125,7 +125,9 @@ def format_rejections(rejections: Sequence[str]) -> str:
     """Why earlier answers were refused, the latest last."""
     if not rejections:
         return ""
-    lines = [f"- {quote_text(each, most=_LONGEST_FAULT)}" for each in rejections[-MOST_FAULTS:]]
+    lines = [
+        f"- {quote_text(rejection, most=_LONGEST_FAULT)}" for rejection in rejections[-MOST_FAULTS:]
+    ]
     return "\n".join(
         ["", "Your earlier answer was refused. Mend exactly this, keep the rest:", *lines]
     )
@@ -135,8 +137,8 @@ def format_examples(examples: Sequence[Example], *, room: int = MOST_TOKENS) -> 
     """Accepted answers to requests like this one, the first ones that take no more tokens."""
     text = "Accepted before:\n"
     count = 0
-    for each in examples:
-        more = f"Request: {quote_text(each.request, most=400)}\n{format_json(each.answer)}\n"
+    for example in examples:
+        more = f"Request: {quote_text(example.request, most=400)}\n{format_json(example.answer)}\n"
         if count < MOST_EXAMPLES and count_tokens(text + more) <= room:
             text, count = text + more, count + 1
     return text if count else ""

@@ -112,7 +112,7 @@ def refuse_words(words: Iterable[AccountEntry], graph: SocialGraph, stage: Stage
 
 def quote_words(words: Iterable[AccountEntry]) -> str:
     """The words, each with why it is not shown."""
-    return "; ".join(f"'{each.words}' ({each.evidence})" for each in words)
+    return "; ".join(f"'{word.words}' ({word.evidence})" for word in words)
 
 
 def close_account(

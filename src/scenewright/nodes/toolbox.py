@@ -94,7 +94,7 @@ class ToolState:
             name: list(dict.fromkeys(map(_describe_route, open_)))[:_MOST_ANCHORS]
             for name, open_ in made["grounding"].routes.items()
         }
-        return {"agents": [each.id for each in plan.agents], "ways": routes}
+        return {"agents": [agent.id for agent in plan.agents], "ways": routes}
 
     def draw_candidates(self) -> Facts:
         """GMM sampler (paper 3.2): draws the background agents, and candidate paths for all
@@ -104,12 +104,12 @@ class ToolState:
             "candidates_each": self._context.draws,
             "background": dict(made.background),
             "hour": round(made.hour, 2),
-            "relations_played": [each.pattern for each in made.cast.patterns],
+            "relations_played": [pattern.pattern for pattern in made.cast.patterns],
         }
 
     def check_program(self, program: str) -> Facts:
         """DSL validator (paper 3.3): reads a constraint program; says where it goes wrong."""
-        return {"clauses": [format_clause(each) for each in parse(program).clauses]}
+        return {"clauses": [format_clause(clause) for clause in parse(program).clauses]}
 
     def solve(self, program: str | None = None) -> Facts:
         """DSL validator (paper 3.3, Eq. 4): candidates, times and standstills that serve."""
@@ -127,26 +127,26 @@ class ToolState:
                 for name, each in made.agents.items()
                 if each.role == "foreground"
             },
-            "background": sum(each.role == "background" for each in made.agents.values()),
+            "background": sum(agent.role == "background" for agent in made.agents.values()),
         }
 
     def edit_segments(self, agents: list[AgentSegments] | None = None) -> Facts:
         """Segment editor (paper 3.4, 3.5, Eq. 6): keep, stop, proceed, terminate, at anchors."""
-        segments = {each.agent: each.segments for each in agents or []}
+        segments = {agent.agent: agent.segments for agent in agents or []}
         node = partial(edit_segments, segments) if segments else reason_events
         made = self._step("edit_segments", node)
-        front = {each.id for each in self._state["social_graph"].agents}
+        front = {agent.id for agent in self._state["social_graph"].agents}
         return {
             "agents": {
-                each.agent: {
-                    "anchors": [a.id for a in each.anchors][:_MOST_ANCHORS],
+                agent.agent: {
+                    "anchors": [a.id for a in agent.anchors][:_MOST_ANCHORS],
                     "segments": [
                         f"{s.status} {s.start:.1f}-{s.end:.1f} s at {s.anchor}"
-                        for s in made["behavior"].segments[each.agent]
+                        for s in made["behavior"].segments[agent.agent]
                     ],
                 }
-                for each in made["summary"].agents
-                if each.agent in front
+                for agent in made["summary"].agents
+                if agent.agent in front
             }
         }
 
@@ -158,7 +158,7 @@ class ToolState:
     def check_scene(self) -> Facts:
         """Relation checker (paper 4.3): looks at the final tracks and decides."""
         made = self._step("check_scene", verify_scene)
-        names = {each.id: each.name for each in made["scene"].agents}
+        names = {agent.id: agent.name for agent in made["scene"].agents}
         proof = made["proof"]
         return {
             **proof.build_verdict(),

@@ -80,7 +80,7 @@ class EventSummary(Model):
 
     def suggest_segments(self) -> BehaviorProgram:
         """The behavior program that follows from it: what the solver found, for every agent."""
-        segments = {each.agent: each.suggest_segments(self.duration) for each in self.agents}
+        segments = {agent.agent: agent.suggest_segments(self.duration) for agent in self.agents}
         return BehaviorProgram(segments=segments)
 
 

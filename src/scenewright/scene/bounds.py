@@ -35,7 +35,7 @@ def find_excess(record: SceneRecord) -> str | None:
             return f"it has {found} {name}; a scene of {count} agents has at most {most}"
     if not STEPS[0] <= meta.step <= STEPS[1]:
         return f"meta.step must be {STEPS[0]} to {STEPS[1]:g} seconds, not {meta.step:g}"
-    ends = [abs(each.spawn_time) + meta.step * len(each.trajectory) for each in record.agents]
+    ends = [abs(agent.spawn_time) + meta.step * len(agent.trajectory) for agent in record.agents]
     for last in (meta.duration, *ends):
         if not last <= MOST_STEPS * meta.step:  # which NaN is not either
             return (

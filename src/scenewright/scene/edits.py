@@ -272,7 +272,7 @@ def apply_edits(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
 
 def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
     """Whether what words became is in the graph."""
-    agents = {each.id: each for each in graph.agents}
+    agents = {agent.id: agent for agent in graph.agents}
     if any(name not in agents for name in entry.agents):
         return False
     named = [agents[name] for name in entry.agents]
@@ -309,7 +309,7 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
             return False
         case "object" | "sight":
             name = (entry.value or "").split(" ", maxsplit=1)[0]
-            kept = (each for each in graph.objects if each.id == name)
+            kept = (scene_object for scene_object in graph.objects if scene_object.id == name)
             return any(entry.became == "object" or each.hides is not None for each in kept)
     return True
 
@@ -337,7 +337,7 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
             }
             return graph.model_copy(update=left)
         case Relate(edge=edge):
-            kept = [each for each in graph.relations if each.pair != edge.pair]
+            kept = [relation for relation in graph.relations if relation.pair != edge.pair]
             earlier = [at for at, e in enumerate(graph.relations) if e.pair == edge.pair]
             kept.insert(earlier[0] if earlier else len(kept), edge)
             same = any(graph.relations[at].type == edge.type for at in earlier)
@@ -365,7 +365,9 @@ def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
             return graph.model_copy(update={"objects": (*graph.objects, node)})
         case RemoveObject(object=name):
             _check_known(graph, name)
-            objects = tuple(each for each in graph.objects if each.id != name)
+            objects = tuple(
+                scene_object for scene_object in graph.objects if scene_object.id != name
+            )
             return graph.model_copy(update={"objects": objects})
         case SetBackground():
             before = graph.context.background or Background()
@@ -385,22 +387,25 @@ def _drop_idle_hiding(graph: SocialGraph) -> SocialGraph:
     bound = {edge.pair for edge in graph.relations}
     free = {"hides": None, "hidden_from": None, "lead": None}
     objects = tuple(
-        each
-        if each.hides is None or frozenset((each.hides, each.hidden_from)) in bound
-        else each.model_copy(update=free)
-        for each in graph.objects
-        if each.met_by in (None, *there)
+        scene_object
+        if scene_object.hides is None
+        or frozenset((scene_object.hides, scene_object.hidden_from)) in bound
+        else scene_object.model_copy(update=free)
+        for scene_object in graph.objects
+        if scene_object.met_by in (None, *there)
     )
     return graph.model_copy(update={"objects": objects})
 
 
 def _drop_measures(graph: SocialGraph, pair: frozenset[str]) -> tuple[Measure, ...]:
     """The figures asked for, but for those of what happens between two agents."""
-    return tuple(each for each in graph.measures if {each.agent, each.other} != pair)
+    return tuple(measure for measure in graph.measures if {measure.agent, measure.other} != pair)
 
 
 def _check_known(graph: SocialGraph, name: str) -> None:
-    known = {each.id for each in graph.agents} | {each.id for each in graph.objects}
+    known = {agent.id for agent in graph.agents} | {
+        scene_object.id for scene_object in graph.objects
+    }
     if name not in known:
         raise _build_refusal(f"there is no {name} in the scene")
 
@@ -411,8 +416,8 @@ def _build_refusal(detail: str) -> Rejected:
 
 def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     """The edits that lead from one graph to the other, where ids mean the same agents."""
-    old = {each.id: each for each in before.agents}
-    new = {each.id: each for each in after.agents}
+    old = {agent.id: agent for agent in before.agents}
+    new = {agent.id: agent for agent in after.agents}
     found: list[Edit] = [RemoveAgent(agent=name) for name in old if name not in new]
     found += [ChangeAgent(node=n) for name, n in new.items() if name in old and n != old[name]]
     found += [AddAgent(node=node) for name, node in new.items() if name not in old]

@@ -137,7 +137,7 @@ class Proof(Model):
     def caveat(self) -> str:
         """What stands beside the tick; empty where nothing does."""
         words, count = self.list_words("not_shown"), self.unasked_red_lights
-        found = [f"{', '.join(repr(each.words) for each in words)} not shown"] if words else []
+        found = [f"{', '.join(repr(word.words) for word in words)} not shown"] if words else []
         found += ["no account of words"] if self.verified and not self.account else []
         found += [f"{count} red light{'s' if count > 1 else ''} run unasked"] if count else []
         return ", ".join(found)

@@ -52,7 +52,7 @@ class PreviousVersion:
     @property
     def first_event(self) -> float | None:
         """When the first thing asked for happens [s]; None where nothing does."""
-        return min((each.time for each in self.events), default=None)
+        return min((event.time for event in self.events), default=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class FrozenAgents:
 
 def without_edits(agent: SelectedAgent) -> SelectedAgent:
     """Return the agent as it would move alone: only red lights hold it, and it evades nobody."""
-    stops, candidate = tuple(each for each in agent.stops if each.at_red), agent.candidate
+    stops, candidate = tuple(stop for stop in agent.stops if stop.at_red), agent.candidate
     if candidate.unevaded is not None:
         candidate = replace(candidate, path=candidate.unevaded, unevaded=None)
     return replace(agent, candidate=candidate, stops=stops, slowings=(), contact=None)

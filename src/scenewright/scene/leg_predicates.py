@@ -22,9 +22,9 @@ def _has_turn_lane(turn: str) -> _Facts:
 
     def find(place: IntersectionMap, leg: str) -> bool:
         turns: dict[str, set[str]] = {}
-        for each in place.movements:
-            if each.entry == leg:
-                turns.setdefault(each.lanelets[0], set()).add(each.turn)
+        for movement in place.movements:
+            if movement.entry == leg:
+                turns.setdefault(movement.lanelets[0], set()).add(movement.turn)
         return {turn} in turns.values()
 
     return find

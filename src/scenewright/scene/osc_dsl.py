@@ -294,7 +294,7 @@ def _read_kept(text: str, found: dict[str, Path_]) -> tuple[Path_, Any]:
     between = ".." if ".." in written else ", "
     values = [_read(each) for each in written[1:-1].split(between)]
     if sign == "in" and between == "..":
-        (low, *_), (high, *unit) = (str(each).split(" ") for each in values)
+        (low, *_), (high, *unit) = (str(value).split(" ") for value in values)
         return path, " ".join([low, "..", high, *unit])
     return path, values
 

@@ -58,10 +58,10 @@ def describe_graph(graph: SocialGraph) -> str:
         for tie in graph.ties
         if graph.agent(tie.agent).entry is None or graph.agent(tie.of).entry is None
     ]
-    if not graph.relations and not any(each.met_by for each in graph.objects):
+    if not graph.relations and not any(scene_object.met_by for scene_object in graph.objects):
         sentences.append("nothing happens")
     sentences += _describe_objects(graph, names)
-    sentences += [_describe_measure(each, names) for each in graph.measures]
+    sentences += [_describe_measure(measure, names) for measure in graph.measures]
     context, counts = graph.context, graph.context.background
     if context.time_of_day is not None:
         first, _, last = context.time_of_day.partition("-")
@@ -75,7 +75,7 @@ def describe_graph(graph: SocialGraph) -> str:
             if number is not None
         ]
         sentences.append(f"there are {' and '.join(parts)}")
-    return ". ".join(each[0].upper() + each[1:] for each in sentences) + "."
+    return ". ".join(sentence[0].upper() + sentence[1:] for sentence in sentences) + "."
 
 
 def choose_names(graph: SocialGraph) -> dict[str, str]:
@@ -180,14 +180,14 @@ def _describe_measure(measure: Measure, names: dict[str, str]) -> str:
 
 def _describe_objects(graph: SocialGraph, names: dict[str, str]) -> Iterator[str]:
     """What stands, whom it hides and who meets it."""
-    ends = {each.beyond for each in graph.objects}
+    ends = {scene_object.beyond for scene_object in graph.objects}
     for node in graph.objects:
         place = f" on the {node.leg} {'exit' if node.side == 'exit' else 'leg'}" if node.leg else ""
         noun: str = (node.subtype or "car") if node.kind in _STATES else node.kind
         noun = "bus at its stop" if node.kind == "bus_stop" else noun
         thing = f"a {_STATES.get(node.kind, '')}{noun.replace('_', ' ')}{place}"
-        for each in node.list_meetings():
-            yield get_kind("encounter", each.encounter).say(names[each.agent], thing)
+        for meeting in node.list_meetings():
+            yield get_kind("encounter", meeting.encounter).say(names[meeting.agent], thing)
         if node.hides is not None and node.id in ends:
             yield f"{names[node.hides]} comes out from between two parked {node.subtype or 'car'}s"
         elif node.hides is not None:

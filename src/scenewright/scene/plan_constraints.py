@@ -97,7 +97,7 @@ def _evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
         case ast.Name():
             return values.get(node.id, node.id)
         case ast.List():
-            return [_evaluate(each, values) for each in node.elts]
+            return [_evaluate(elt, values) for elt in node.elts]
         case ast.UnaryOp():
             own = _evaluate(node.operand, values)
             return not own if isinstance(node.op, ast.Not) else -own
@@ -107,7 +107,7 @@ def _evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
                 raise TypeError(f"{left!r} or {right!r} is no number")
             return _OPERATORS[type(node.op)](left, right)
         case ast.BoolOp():
-            both = (_evaluate(each, values) for each in node.values)
+            both = (_evaluate(value, values) for value in node.values)
             return all(both) if isinstance(node.op, ast.And) else any(both)
         case ast.Compare():
             terms = [_evaluate(each, values) for each in (node.left, *node.comparators)]

@@ -68,14 +68,14 @@ def list_fields(plan: SocialGraph) -> tuple[PlanField, ...]:
     for index, each in enumerate(plan.said):
         if each.became in LEFT_TO_STAGES:
             add("said", index, "", each, each.words)
-    if not plan.relations and not any(each.met_by for each in plan.objects):
+    if not plan.relations and not any(scene_object.met_by for scene_object in plan.objects):
         add("normal", 0, "", None, "nothing else happens")
     return tuple(found)
 
 
 def join_fields(fields: tuple[PlanField, ...]) -> str:
     """The text that they are."""
-    return ", ".join(each.words for each in fields)
+    return ", ".join(field.words for field in fields)
 
 
 def word_plan(given: PlanFile) -> tuple[str, SocialGraph]:
@@ -83,7 +83,7 @@ def word_plan(given: PlanFile) -> tuple[str, SocialGraph]:
     if given.as_read:
         return given.text, given.plan
     fields = list_fields(given.plan)
-    said = tuple(_build_span(each, given.plan) for each in fields)
+    said = tuple(_build_span(field, given.plan) for field in fields)
     return join_fields(fields), given.plan.model_copy(update={"said": said})
 
 

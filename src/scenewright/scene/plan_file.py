@@ -160,7 +160,8 @@ class LogicalPlan:
         """The plan in OpenSCENARIO DSL, which `read_logical_plan` reads back."""
         return write_osc_dsl(
             Path(self.name).stem, self.data, spreads=self.spreads, legs=self.legs,
-            places=self.places, constraints=tuple(each.text for each in self.constraints),
+            places=self.places,
+            constraints=tuple(constraint.text for constraint in self.constraints),
         )  # fmt: skip
 
     def find_broken(self, values: Mapping[Path_, Any]) -> PlanFault | None:
@@ -225,7 +226,7 @@ def read_logical_plan(source: str | Path | Mapping[str, Any]) -> LogicalPlan:
     places, written = data.pop("intersections", None), data.pop("constraints", None) or []
     if isinstance(places, str):
         places = [places]
-    named = isinstance(places, list) and all(isinstance(each, str) and each for each in places)
+    named = isinstance(places, list) and all(isinstance(place, str) and place for place in places)
     if places is not None and not named:
         faults["intersections",] = "any, the name of an intersection, or a list of names"
         places = None
@@ -253,7 +254,7 @@ def _check_choices(plan: LogicalPlan, known: Set[Path_]) -> dict[Path_, str]:
         known: fields that are wrong by themselves.
     """
     words = {
-        at: tuple(each for each in spread.values if isinstance(each, str))
+        at: tuple(value for value in spread.values if isinstance(value, str))
         for at, spread in plan.spreads.items()
         if spread.kind == "list" and at[-1] != "value"
     }

@@ -39,7 +39,7 @@ def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
     if counts is not None:
         cars, people = counts.vehicles, counts.pedestrians
         numbers = {"vehicle": cars, "pedestrian": people, "vehicles": cars, "pedestrians": people}
-    objects = [each.model_dump(mode="json") for each in graph.objects]
+    objects = [scene_object.model_dump(mode="json") for scene_object in graph.objects]
     return {
         "id": row_id,
         "agents": [agent.model_dump(mode="json", include=_OF_AGENTS) for agent in graph.agents],

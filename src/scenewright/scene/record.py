@@ -213,8 +213,8 @@ class SceneRecord(Model):
         Listing 1 knows collisions and yielding; other events are dropped. Where none is left it
         wants one row `normal` that names two agents: the first two, as far as there are any.
         """
-        rows = [each for each in self.events if each.type in ("collision", "yielding")]
-        events = [_select_fields(each, PAPER_EVENT) for each in rows]
+        rows = [event for event in self.events if event.type in ("collision", "yielding")]
+        events = [_select_fields(row, PAPER_EVENT) for row in rows]
         if not events:
             ids = [*(agent.id for agent in self.agents[:2]), None, None]
             events = [

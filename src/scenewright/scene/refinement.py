@@ -43,4 +43,4 @@ class Refinement(Model):
     @property
     def may_retry(self) -> bool:
         """Return whether the share of an agent could still be reduced."""
-        return any(each.share > 0 for each in self.agents.values())
+        return any(agent.share > 0 for agent in self.agents.values())

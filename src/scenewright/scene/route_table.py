@@ -29,8 +29,8 @@ class RouteDescription:
 def describe_routes(intersection_map: IntersectionMap) -> tuple[RouteDescription, ...]:
     """Every way of a map."""
     return tuple(
-        RouteDescription(each.type, each.entry, each.exit, each.movement, each.crosswalk)
-        for each in (*intersection_map.routes, *map(make_route, intersection_map.uturns))
+        RouteDescription(route.type, route.entry, route.exit, route.movement, route.crosswalk)
+        for route in (*intersection_map.routes, *map(make_route, intersection_map.uturns))
     )
 
 

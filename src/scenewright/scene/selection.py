@@ -110,7 +110,7 @@ class SelectedAgent:
         """Its standstills; of a foreground agent, those elsewhere than at a red light."""
         takes_part = self.role == "foreground"
         return tuple(
-            each for each in self.stops if not (each.rolls or (takes_part and each.at_red))
+            stop for stop in self.stops if not (stop.rolls or (takes_part and stop.at_red))
         )
 
 

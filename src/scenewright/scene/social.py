@@ -450,9 +450,11 @@ class SocialGraph(Model):
                 yield FieldError(message, "relations", n, "manoeuvre")
 
     def _check_objects(self) -> Iterator[FieldError]:
-        yield from _check_unique([each.id for each in self.objects], "objects")
+        yield from _check_unique([scene_object.id for scene_object in self.objects], "objects")
         bound = {edge.pair for edge in self.relations}
-        hiding = {each.id for each in self.objects if each.hides is not None}
+        hiding = {
+            scene_object.id for scene_object in self.objects if scene_object.hides is not None
+        }
         for n, each in enumerate(self.objects):
             at, hides = ("objects", n), each.hides
             if each.beyond is not None and each.beyond not in hiding - {each.id}:
@@ -468,7 +470,7 @@ class SocialGraph(Model):
 
     def _check_figures(self) -> Iterator[FieldError]:
         """Figures that exclude one another wherever and however the agents move."""
-        asked = {(each.kind, each.agent, each.other): each for each in self.measures}
+        asked = {(measure.kind, measure.agent, measure.other): measure for measure in self.measures}
         for n, edge in enumerate(self.relations):
             # Of two of which one is a pedestrian, the other one's speed is that of the impact.
             striker = edge.to if edge.from_.startswith("pedestrian") else edge.from_

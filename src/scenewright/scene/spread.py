@@ -79,7 +79,7 @@ def read_spread(text: str, unit: str | None, *, whole: bool) -> Spread | None:
 def check_spread(spread: Spread) -> None:
     """ValueError for a spread that cannot be drawn from."""
     if spread.kind == "list":
-        plain = all(isinstance(each, str | int | float | None) for each in spread.values)
+        plain = all(isinstance(value, str | int | float | None) for value in spread.values)
         if not (spread.values and plain):
             raise ValueError("a list of values to choose from needs some")
         return

@@ -50,24 +50,24 @@ def place_stops(
     if not added.stops:
         return added, selection
     anchors = {
-        each.agent: each.anchors for each in summarise(selection, map_areas=map_areas).agents
+        agent.agent: agent.anchors for agent in summarise(selection, map_areas=map_areas).agents
     }
     agents: dict[str, SelectedAgent] = dict(selection.agents)
     placed: dict[int, Stop] = {}
-    for name in dict.fromkeys(each.agent for each in added.stops):
-        own = [each for each in added.stops if each.agent == name]
+    for name in dict.fromkeys(stop.agent for stop in added.stops):
+        own = [stop for stop in added.stops if stop.agent == name]
         located = ((_find_arc_length(each, anchors[name]), each) for each in own)
         asked = sorted(located, key=itemgetter(0))
         agents[name], stops = _add_stops(agents[name], asked, selection)
         placed |= {id(each): stop for (_, each), stop in zip(asked, stops, strict=True)}
     done = tuple(
-        each.model_copy(
+        stop.model_copy(
             update={
-                "start": round(placed[id(each)].start, 2),
-                "until": round(placed[id(each)].until, 2),
+                "start": round(placed[id(stop)].start, 2),
+                "until": round(placed[id(stop)].until, 2),
             }
         )
-        for each in added.stops
+        for stop in added.stops
     )
     return added.model_copy(update={"stops": done}), replace(selection, agents=agents)
 
@@ -127,7 +127,7 @@ def _list_due_places(agent: SelectedAgent, selection: Selection) -> list[_Due]:
     found = [
         _Due(stop.s, stop.at_red) for stop in agent.stops if not stop.rolls and stop.until > 0.0
     ]
-    times = [each.time for each in selection.events if agent.name in each.agents]
+    times = [event.time for event in selection.events if agent.name in event.agents]
     times += [] if agent.contact is None else [agent.contact]
     places = motion.compute_positions(np.array(times) - agent.enters).tolist()
     found += [_Due(s) for s in places]
@@ -164,10 +164,10 @@ def _shift_agent(agent: SelectedAgent, holds: Sequence[StopCommand], lost: float
     scene begins was earlier as well."""
     enters = round(agent.enters - lost, 1)
     earlier = [
-        replace(each, start=each.start - lost, until=each.until - lost)
-        if each.until <= 0.0 and not each.rolls
-        else each
-        for each in agent.stops
+        replace(stop, start=stop.start - lost, until=stop.until - lost)
+        if stop.until <= 0.0 and not stop.rolls
+        else stop
+        for stop in agent.stops
     ]
     upstream = [make_stop_command(each, enters) for each in earlier if each.until <= 0.0]
     for hold in holds:
@@ -180,7 +180,7 @@ def _shift_agent(agent: SelectedAgent, holds: Sequence[StopCommand], lost: float
 
 def _find_standing_time(agent: SelectedAgent, s: float, holds: Sequence[StopCommand]) -> float:
     """When the agent comes to stand at an arc length [s since it enters], after holds before it."""
-    upstream = tuple(each for each in holds if each.s < s)
+    upstream = tuple(hold for hold in holds if hold.s < s)
     return compute_arrival(agent.candidate, StopCommand(s, 0.0), upstream)
 
 
@@ -195,7 +195,7 @@ def _hold_after(agent: SelectedAgent, asked: Sequence[tuple[float, float]]) -> S
 
 def _refuse_crowded(agent: SelectedAgent, places: Sequence[float]) -> None:
     """Standstills lie on the way, apart from one another and from those that are there."""
-    taken = [each.s for each in agent.stops if not each.rolls and each.until > 0.0]
+    taken = [stop.s for stop in agent.stops if not stop.rolls and stop.until > 0.0]
     for s in places:
         if not _APART < s < agent.candidate.path.length - _APART:
             raise _build_refusal(

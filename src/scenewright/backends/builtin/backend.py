@@ -25,7 +25,7 @@ class BuiltinBackend:
             case "constraints":
                 return _build_clauses(question.facts["words"])
             case "behavior":
-                return {"stops": [], "cannot": [each["number"] for each in question.facts["words"]]}
+                return {"stops": [], "cannot": [fact["number"] for fact in question.facts["words"]]}
             case "summary" | "edits":
                 raise TypeError(f"the builtin backend is not asked for {question.task}")
 
@@ -53,6 +53,6 @@ def _build_clauses(words: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         for agent in each["agents"]
         if (speed := parse_speed_range(each["words"], agent))
     ]
-    served = {each["words"] for each in clauses}
-    cannot = [each["number"] for each in words if each["number"] not in served]
+    served = {clause["words"] for clause in clauses}
+    cannot = [word["number"] for word in words if word["number"] not in served]
     return {"clauses": clauses, "cannot": cannot}

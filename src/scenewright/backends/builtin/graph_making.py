@@ -216,7 +216,7 @@ def _name_red_causes(draft: Draft) -> None:
 
 def place_impacts(draft: Draft, impacts: Impacts) -> None:
     """Points of impact belong to the one collision there is; pedestrians have none."""
-    collisions = [each for each in draft.relations if each.type == "collide_at"]
+    collisions = [relation for relation in draft.relations if relation.type == "collide_at"]
     if len(collisions) != 1:
         return
     (hit,) = collisions

@@ -100,11 +100,13 @@ def play_phrase(relation: RelationDraft, phrase: Phrase, site: Site) -> None:
     Raises:
         Refused: no pattern fits them.
     """
-    known = {each.id: each for each in load_patterns() if each.relation == relation.type}
+    known = {
+        pattern.id: pattern for pattern in load_patterns() if pattern.relation == relation.type
+    }
     names = list(phrase.patterns)
     if relation.type == "near_miss":
-        names = [re.sub("_(?:collision|strike)", "_near_miss", each) for each in names]
-    names = [each for each in names if each in known]
+        names = [re.sub("_(?:collision|strike)", "_near_miss", name) for name in names]
+    names = [name for name in names if name in known]
     for number, name in enumerate(names, start=1):
         relation.pattern, relation.kind = name, relation.kind or known[name].kind
         try:

@@ -99,11 +99,11 @@ def plan(
         return _plan_once(text, previous, site)
     first, found = seed % len(choices), []
     # The first choice of legs that the map can serve counts, else the first with a plan.
-    for each in (*choices[first:], *choices[:first]):
-        made = _plan_once(each.text, previous, site)
+    for choice in (*choices[first:], *choices[:first]):
+        made = _plan_once(choice.text, previous, site)
         if isinstance(made, SocialGraph) and (site.can_serve is None or site.can_serve(made)):
-            return each.restore_plan(made)
-        found.append((each, made))
+            return choice.restore_plan(made)
+        found.append((choice, made))
     graphs = (pair for pair in found if isinstance(pair[1], SocialGraph))
     read, plan_ = next(graphs, found[0])
     return read.restore_plan(plan_)
@@ -161,7 +161,7 @@ def _is_bare(plan_: SocialGraph) -> bool:
         a.entry or a.exit or a.movement or a.crosswalk or a.runs_red or a.motion
         for a in plan_.agents
     )
-    objects = any(each.met_by for each in plan_.objects)
+    objects = any(scene_object.met_by for scene_object in plan_.objects)
     said = {each.became for each in plan_.said}
     settled = not said.isdisjoint(("normal", "denied", "signals"))
     return not (settled or objects or (ways and len(plan_.agents) == 1))
@@ -196,7 +196,7 @@ def _offer(learned: LearnedPlan, site: Site) -> Refusal:
     offers = tuple(islice(_list_sentences(learned, site), MOST_OFFERS))
     doubtful = _find_doubtful(learned.reading)
     words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
-    hint = f"{_OFFERS}{' or '.join(repr(each) for each in offers)}?" if offers else ""
+    hint = f"{_OFFERS}{' or '.join(repr(offer) for offer in offers)}?" if offers else ""
     unmade = [s for s in getattr(learned.plan, "said", ()) if s.became == "nothing" and s.note]
     if isinstance(learned.plan, Refusal):
         reason = learned.plan.reason + hint

@@ -129,8 +129,8 @@ def _assign_span(span: ReadSpan, objects: Mapping[int, ReadObject]) -> None:
     if span.tag == "ref":
         things[0].mentions.append(span)
     elif span.tag in ("from", "to", "cw") and subjects:
-        for each in subjects:
-            each.place.append(span)
+        for subject in subjects:
+            subject.place.append(span)
     elif span.tag == "sight" and agents:
         several = len([n for n in span.subjects if n not in objects]) > 1
         for each in things:

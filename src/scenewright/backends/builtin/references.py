@@ -139,7 +139,7 @@ def describe_agent(agent: AgentView) -> str:
 def read_choice(words: str, ask: Clarification) -> Choice | None:
     """The choice that an answer means; None if it is none of them, or several."""
     said = words.lower().strip(" .!")
-    exact = [each for each in ask.choices if each.answer in said.split()]
+    exact = [choice for choice in ask.choices if choice.answer in said.split()]
     if len(exact) == 1:
         return exact[0]
     index = {"1": 0, "2": 1, "3": 2, **ORDINALS}
@@ -148,7 +148,7 @@ def read_choice(words: str, ask: Clarification) -> Choice | None:
         at = index[only.pop()]
         return ask.choices[at] if at < len(ask.choices) else None
     only = {_SIDE_OF.get(word, word) for word in only}
-    meanings = [each.means.partition(":")[2].lower() for each in ask.choices]
+    meanings = [choice.means.partition(":")[2].lower() for choice in ask.choices]
     fits = [
         each
         for each, meaning in zip(ask.choices, meanings, strict=True)

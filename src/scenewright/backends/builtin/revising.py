@@ -79,7 +79,7 @@ def read(
         plain_site = replace(site, roads=())
         made = [read(each.text, situation, chosen=chosen, site=plain_site) for each in worded]
         edits = [each for each in made if isinstance(each, Edits)]
-        if any(each != edits[0] for each in edits):
+        if any(edit != edits[0] for edit in edits):
             return ask_which_leg(words, worded[0].left_open[0])
         found = edits or made
         return found[0] if found else _build_edits(words, situation, chosen or {}, site)
@@ -204,9 +204,9 @@ def _choose_events(plain: str, situation: Situation, people: People) -> tuple[Re
         return None
     said = (type_ for type_, verbs in _EVENT_WORDS.items() if re.search(rf"\b(?:{verbs})\b", plain))
     type_: RelationType = next(said, "yield_to")
-    acting = {each.from_ for each in edges}
+    acting = {edge.from_ for edge in edges}
     actor = people.pick([p for p in people.list_foreground() if p.id in acting], "event, that of")
-    meant = [each for each in edges if each.from_ == actor.id]
+    meant = [edge for edge in edges if edge.from_ == actor.id]
     meant = [each for each in meant if each.type == meant[0].type]
     return tuple(
         Relate(edge=RelationEdge.model_validate({"type": type_, "from": each.from_, "to": each.to}))
@@ -257,22 +257,22 @@ def _read_removal(
     if agent is not None:
         return (RemoveAgent(agent=agent.id),)
     for type_, pattern in _EVENT_WORDS.items():
-        edges = [each for each in situation.graph.relations if each.type == type_]
+        edges = [relation for relation in situation.graph.relations if relation.type == type_]
         if edges and re.search(rf"\b(?:{pattern})\b", plain):
-            return tuple(Unrelate(first=each.from_, second=each.to) for each in edges)
+            return tuple(Unrelate(first=edge.from_, second=edge.to) for edge in edges)
     groups = [each for each in every if each.type is not None]
     if not groups and re.search(r"\b(?:background|everybody|everyone|others?)\b", plain):
         return (SetBackground(vehicles=0, pedestrians=0),)
     if not groups:
         return None
-    rare = {_get_kind(each) for each in groups} & _BY_NAME
+    rare = {_get_kind(group) for group in groups} & _BY_NAME
     if rare and len(groups) == 1 and groups[0].count is None:
         return _remove_kind(groups[0], situation)
     counts = situation.count_background()
     for group in groups:
         kind = str(group.type)
         counts[kind] = max(counts[kind] - group.count, 0) if group.count else 0
-    return (_build_background_edit(counts, [str(each.type) for each in groups]),)
+    return (_build_background_edit(counts, [str(group.type) for group in groups]),)
 
 
 def _remove_kind(group: Named, situation: Situation) -> tuple[Edit, ...]:
@@ -378,8 +378,12 @@ def _find_removed(words: str, situation: Situation) -> tuple[Edit, ...]:
         return ()
     what = match["what"]
     if _PATTERNS.any_object.search(what):
-        return tuple(RemoveObject(object=each.id) for each in objects)
-    named = [each for each in objects if each.id in what or _names_object(each, what)]
+        return tuple(RemoveObject(object=scene_object.id) for scene_object in objects)
+    named = [
+        scene_object
+        for scene_object in objects
+        if scene_object.id in what or _names_object(scene_object, what)
+    ]
     moving = {each.subtype for each in situation.present} & {find_subtype(what)} - {None}
     if len(named) != 1 or (moving and not _PATTERNS.state.search(what) and named[0].id not in what):
         return ()

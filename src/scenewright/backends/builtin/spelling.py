@@ -64,7 +64,7 @@ def _is_slip(word: str, meant: str) -> bool:
 @cache
 def _list_phrase_words(_own: str | None) -> frozenset[str]:
     """The words of the phrases of all relations."""
-    phrases = chain.from_iterable(each.phrases for each in load_patterns())
+    phrases = chain.from_iterable(pattern.phrases for pattern in load_patterns())
     return frozenset(word.lower() for each in phrases for word in _WORD.findall(each))
 
 

@@ -226,7 +226,7 @@ def _list_wordings(name: str) -> list[str]:
     if not any(len(word) > 3 or word[0].isdigit() for word in short):
         return []
     wordings = (" ".join(each) for each in (core, short, typed))
-    return [each for each in wordings if not re.fullmatch(_COMPASS, each)]
+    return [wording for wording in wordings if not re.fullmatch(_COMPASS, wording)]
 
 
 def _is_alike(said: str, name: str) -> bool:

@@ -108,7 +108,7 @@ class ChatModel:
                 # What the endpoint refuses is not sent again; of a response format, that form.
                 if refused == "response_format":
                     sent = options[refused]["type"]
-                    self._forms = tuple(each for each in self._forms if each != sent)
+                    self._forms = tuple(form for form in self._forms if form != sent)
                 else:
                     self._unknown.add(str(refused))
         return _read_message(self._model.invoke(messages))

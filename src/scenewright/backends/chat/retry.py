@@ -194,10 +194,10 @@ def hide_key(text: str, key: str | None) -> str:
     key = key if key and len(key) > 3 else ""
     size = _PIECE if len(key) >= 2 * _PIECE else len(key)
     pieces = [key[i : i + size] for i in range(len(key) - size + 1)] if key else []
-    if not any(each in text for each in pieces):
+    if not any(piece in text for piece in pieces):
         return text
     return _WORD.sub(
-        lambda word: "[key]" if any(each in word[0] for each in pieces) else word[0], text
+        lambda word: "[key]" if any(piece in word[0] for piece in pieces) else word[0], text
     )
 
 

@@ -132,7 +132,7 @@ class Batches:
         source = read_source(folder / _ROWS) if after < len(entries) else ()
         rows = {each.number: each.row for each in source}
         shown = list(enumerate(entries))[after : after + MOST_AT_ONCE]
-        done = len({each.number for each in entries})
+        done = len({entry.number for entry in entries})
         return {
             "batch": batch, "rows": setting["rows"], "done": done, "running": running,
             "error": "" if running else _read_error(folder),
@@ -192,7 +192,7 @@ def _describe_row(
         return row
     proof = read_proof(path)
     verdict = {"verdict": proof.describe_verdict(), "caveat": proof.caveat}
-    return {**row, **verdict, "events": [_describe_event(each) for each in proof.events]}
+    return {**row, **verdict, "events": [_describe_event(event) for event in proof.events]}
 
 
 def _describe_event(event: Event) -> dict[str, Any]:

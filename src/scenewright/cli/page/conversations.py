@@ -89,10 +89,10 @@ class Conversation:
     def list_log(self) -> list[dict[str, Any]]:
         """All turns so far: what was said, and the reply as it was reported."""
         turns = []
-        for each in self.session.list_turns():
-            said = each["words"] if each["act"] in ("say", "make", "plan") else ""
-            words = LEAVE_OUT if each.get("argument") == LENIENT else said
-            turns.append({"words": words, **self._report(each["reply"], each)})
+        for turn in self.session.list_turns():
+            said = turn["words"] if turn["act"] in ("say", "make", "plan") else ""
+            words = LEAVE_OUT if turn.get("argument") == LENIENT else said
+            turns.append({"words": words, **self._report(turn["reply"], turn)})
         return turns
 
     def _report(self, reply: dict[str, Any], state: ThreadState) -> dict[str, Any]:
@@ -131,9 +131,11 @@ class Conversation:
         """What can be changed by hand in a version, of agents as they are called."""
         shown = self.session.find_version(which)
         called = call_agents(shown.record) if shown is not None else {}
-        names = {each.name: called[each.id] for each in shown.record.agents} if shown else {}
+        names = {agent.name: called[agent.id] for agent in shown.record.agents} if shown else {}
         handles = self.session.list_handles(which)
-        return [{**each, "called": names.get(each["agent"], each["agent"])} for each in handles]
+        return [
+            {**handle, "called": names.get(handle["agent"], handle["agent"])} for handle in handles
+        ]
 
     def describe(self) -> dict[str, Any]:
         """What the page shows of the thread: its versions as a tree, branches, what is current."""
@@ -174,7 +176,10 @@ def _list_choices(reply: dict[str, Any], state: ThreadState) -> list[dict[str, s
         without = {"label": LEAVE_OUT, "action": f"{state['act']}_without"}
         return [
             *([{**without, "argument": state["words"]}] if left_out else []),
-            *({"label": each, "action": "make", "argument": each} for each in sentences),
+            *(
+                {"label": sentence, "action": "make", "argument": sentence}
+                for sentence in sentences
+            ),
         ]
     if reply["kind"] != "asked" or pending is None:
         return []

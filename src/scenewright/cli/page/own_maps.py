@@ -62,8 +62,8 @@ class OwnMaps:
             "map": path.name,
             "suggested": _ENDING.sub("", name)[:40] or "mine",
             "junctions": [
-                {"id": each.id, "xy": each.xy, "legs": each.legs, "name": each.name}
-                for each in overview.junctions
+                {"id": junction.id, "xy": junction.xy, "legs": junction.legs, "name": junction.name}
+                for junction in overview.junctions
             ],
             "roads": [np.round(road, 1).tolist() for road in overview.roads],
         }

@@ -89,11 +89,11 @@ EVENTS = (
 
 def list_places() -> list[dict[str, Any]]:
     """The intersections: name, title, examples that can happen there, and words for places."""
-    places = [load_map(each) for each in list_intersections()]
+    places = [load_map(intersection) for intersection in list_intersections()]
     return [
-        {"name": each.name, "title": each.title, "examples": write_examples(each),
-         "words": _name_places(each)}
-        for each in places
+        {"name": place.name, "title": place.title, "examples": write_examples(place),
+         "words": _name_places(place)}
+        for place in places
     ]  # fmt: skip
 
 
@@ -109,11 +109,11 @@ def list_words() -> list[str]:
 
 def write_examples(place: IntersectionMap) -> list[str]:
     """Sentences whose ways there are on this map."""
-    walked = {each.leg for each in place.crosswalks}
+    walked = {crosswalk.leg for crosswalk in place.crosswalks}
     ways = {
-        each.turn: each
-        for each in reversed(place.movements)
-        if each.turn == "straight" or each.exit in walked
+        movement.turn: movement
+        for movement in reversed(place.movements)
+        if movement.turn == "straight" or movement.exit in walked
     }
     wanted = {
         "left": "A car from the {0} turning left narrowly misses a pedestrian on the {1} crosswalk "
@@ -126,9 +126,9 @@ def write_examples(place: IntersectionMap) -> list[str]:
 
 
 def _name_places(place: IntersectionMap) -> list[str]:
-    legs = [f"from the {each.name}" for each in place.legs]
-    walks = [f"on the {each.leg} crosswalk" for each in place.crosswalks]
-    streets = [f"on {each.road}" for each in place.legs if each.road]
+    legs = [f"from the {leg.name}" for leg in place.legs]
+    walks = [f"on the {crosswalk.leg} crosswalk" for crosswalk in place.crosswalks]
+    streets = [f"on {leg.road}" for leg in place.legs if leg.road]
     return list(dict.fromkeys([*legs, *walks, *streets]))
 
 

@@ -66,7 +66,9 @@ def _build_row(wanted: Mapping[str, str], encounters: Sequence[Encounter]) -> di
     events = {_ASKED[item][0] for item in wanted if item in _ASKED}
     events |= {"collision"} if "kind" in wanted else set()
     events |= {wanted["event"]} if "event" in wanted else set()
-    usual = Counter(str(each["event"]) for each in encounters if each["event"] != "normal")
+    usual = Counter(
+        str(encounter["event"]) for encounter in encounters if encounter["event"] != "normal"
+    )
     event = str(next(iter(sorted(events) or usual), "near_miss"))
     if len(events) > 1 or (event == "normal" and wanted.keys() - {"event", "hour", "density"}):
         raise InputError(f"no {wanted.get('event', event)} can be asked for that has all of it")
@@ -95,8 +97,8 @@ def _add_encounter(
         needed["type_to"] = "pedestrian"
     kept = ("event", "kind", "type_from", "type_to")
     needed |= {key: value for key, value in wanted.items() if key in kept}
-    pairs = Counter((each["type_from"], each["type_to"]) for each in encounters
-                    if {"event": event, **needed}.items() <= each.items())  # fmt: skip
+    pairs = Counter((encounter["type_from"], encounter["type_to"]) for encounter in encounters
+                    if {"event": event, **needed}.items() <= encounter.items())  # fmt: skip
     follows = event == "follow" or wanted.get("kind") in ("rear_end", "sideswipe", "head_on")
     other = "pedestrian" if not follows and needed.get("type_from") != "pedestrian" else "vehicle"
     first, second = max(pairs, key=lambda pair: pairs[pair], default=("vehicle", other))

@@ -162,7 +162,7 @@ def join_dataset(out: Path, other: Path) -> int:
     with lock_journal(out, JOURNAL), lock_journal(out, "finish", patient=True):
         joined = read_joined(out)
         away = {row["row"] for row, _ in joined}
-        ours = [each for each in _read_rows(out) if each[0]["row"] not in away]
+        ours = [row for row in _read_rows(out) if row[0]["row"] not in away]
         for key in ("row", "folder"):
             known = {row[key] for row, _ in (*ours, *joined)} - {None}
             if twice := sorted(row[key] for row, _ in theirs if row[key] in known):

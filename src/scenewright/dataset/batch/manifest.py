@@ -103,7 +103,7 @@ def list_scenes(folder: Path) -> list[Path]:
         raise InputError(f"{folder} holds no scenes to export")
     root = folder.resolve()
     scenes = [(folder / name).parent for name in names]
-    outside = [str(each) for each in scenes if not each.resolve().is_relative_to(root)]
+    outside = [str(scene) for scene in scenes if not scene.resolve().is_relative_to(root)]
     if outside:
         raise InputError(f"{outside[0][:200]} lies outside the dataset")
     return scenes

@@ -77,7 +77,7 @@ def draw_shares(spreads: Sequence[Spread], n: int, *, sampling: Sampling, seed: 
     if sampling == "sobol":
         drawn = qmc.Sobol(count, rng=seed).random_base2(math.ceil(math.log2(n)) if n > 1 else 0)
         return np.asarray(drawn[:n])
-    listed = [len(each.values) for each in spreads if each.kind == "list"]
+    listed = [len(spread.values) for spread in spreads if spread.kind == "list"]
     free = count - len(listed)
     fits = (n / math.prod(listed)) ** (1 / free) + 1e-9 if free else 2
     steps = 2 if sampling == "boundary" else max(int(fits), 2)
@@ -192,7 +192,7 @@ def run_sweep(
     points = build_points(
         plan, n, sampling=sampling, seed=request.options.seed, place=request.options.intersection
     )
-    sound = [each for each in points if each.fault is None]
+    sound = [point for point in points if point.fault is None]
     if not sound:
         raise InputError(f"no point is a plan; the first: {points[0].fault}")
     make_folder(out)
@@ -229,10 +229,10 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
     header = build_batch_header(read_source(request.source), request.options)
     with Journal(request.out, name=None, header=header) as journal:
         number = 0
-        for each in points:
-            end = ["infeasible", "no_plan", each.fault, "", ""]
+        for point in points:
+            end = ["infeasible", "no_plan", point.fault, "", ""]
             found: list[Any] = [""] * len(shown)
-            if each.fault is None:
+            if point.fault is None:
                 entry, number = journal.get_entry(number), number + 1
                 end = ["left", "", "", "", ""]
                 if entry is not None:
@@ -244,8 +244,8 @@ def _format_table(plan: LogicalPlan, points: Sequence[Point], request: Request) 
                         proof = read_proof(made / "proof.json")
                         end[3:] = f"{SCENES}/{entry.folder}", str(proof.unasked_red_lights)
                         found = _measure_point(made, names)
-            values = [each.values.get(path, "") for path in paths]
-            table.writerow([each.name, *([each.place] if place else []), *values, *end, *found])
+            values = [point.values.get(path, "") for path in paths]
+            table.writerow([point.name, *([point.place] if place else []), *values, *end, *found])
     return text.getvalue()
 
 

@@ -167,7 +167,7 @@ def _run_job(job: Job) -> Outcome:
         paid = _sum_paid(error.models)
         return Outcome("failed", "time_limit", str(error), attempts=attempts, paid=paid)
     except Unsatisfiable as error:
-        codes = [each.code for each in error.rejections]
+        codes = [rejection.code for rejection in error.rejections]
         code = codes[-1] if codes else error.code
         attempts = max(len(codes), 1)
         return Outcome("refused", code, str(error), attempts=attempts, paid=_sum_paid(error.models))
@@ -196,7 +196,7 @@ def _make_scene(job: Job) -> Outcome:
     )
     attempts = 1 + len(scene.provenance["rejections"])
     paid = _sum_paid(scene.provenance.get("models", {}))
-    shown = [each.type for each in scene.record.relations]
+    shown = [relation.type for relation in scene.record.relations]
     leaves = set(scene.provenance["patterns"])
     if job.wanted is not None and (
         shown != ([] if job.asked == "normal" else [job.asked]) or not leaves <= set(job.wanted)
@@ -230,7 +230,7 @@ def drop_times(value: Any) -> Any:
 
 def _sum_paid(models: Mapping[str, Any]) -> dict[str, int]:
     """Requests and tokens over all of a row's questions."""
-    return {name: sum(each[name] or 0 for each in models.values()) for name in PAID if models}
+    return {name: sum(model[name] or 0 for model in models.values()) for name in PAID if models}
 
 
 @cache

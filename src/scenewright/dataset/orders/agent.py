@@ -89,8 +89,8 @@ class Order(Work):
         if len(all_names) == 1:
             return {all_names[0]: asking}
         return {
-            each: replace(asking, record=find_record_path(asking.record, make_plain_name(each)))
-            for each in all_names
+            name: replace(asking, record=find_record_path(asking.record, make_plain_name(name)))
+            for name in all_names
         }
 
 
@@ -186,7 +186,7 @@ def write_instructions(due: Sequence[Slot], context: OrderContext) -> None:
         texts = tuple(each.text for each in earlier if each is not None)
         tasks.append(WordingTask(slot, order.wish, order.options, texts))
     progress = Progress(len(tasks), context.log, what="texts")
-    if len(tasks) < FEW or any(each.name != "builtin" for each in context.writers.values()):
+    if len(tasks) < FEW or any(writer.name != "builtin" for writer in context.writers.values()):
         for task in tasks:
             book.add(word_slot(task, context.writers[task.slot.intersection], book.texts))
             progress.log_end("made", now=True)

@@ -246,7 +246,7 @@ def _parse_quotas(span: list[str], count: int) -> list[Quota]:
     else:
         quotas = _spread(found, count)
     riders = {_RIDERS[stem] for word in span if (stem := _make_singular(word)) in _RIDERS}
-    return [replace(each, rider=min(riders) if len(riders) == 1 else None) for each in quotas]
+    return [replace(quota, rider=min(riders) if len(riders) == 1 else None) for quota in quotas]
 
 
 def _build_quota(name: str, count: int, found: list[Pattern]) -> Quota:

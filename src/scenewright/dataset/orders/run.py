@@ -164,9 +164,9 @@ def build_paper_order(backends: Sequence[str], *, scale: float = 1.0) -> OrderSp
     quotas = [Quota(NORMAL, normal, NORMAL, backend=None, foreground=True)]
     leaves = {
         relation: tuple(
-            each.id
-            for each in load_patterns()
-            if each.relation == relation and each.is_common and each.is_of_paper
+            pattern.id
+            for pattern in load_patterns()
+            if pattern.relation == relation and pattern.is_common and pattern.is_of_paper
         )
         for relation in ("collide_at", "yield_to")
     }

@@ -89,9 +89,9 @@ class Book:
             self.entries = [OrderEntry(**json.loads(line)) for line in lines]
         except (ValueError, TypeError) as error:
             raise InputError(f"{self._file} is damaged; begin in another folder") from error
-        self._known = {(each.slot, each.attempt): each for each in self.entries}
+        self._known = {(entry.slot, entry.attempt): entry for entry in self.entries}
         self.number = {each.id: k for k, each in enumerate(self.entries)}
-        self.texts = {each.text for each in self.entries}
+        self.texts = {entry.text for entry in self.entries}
 
     def find(self, slot: int, attempt: int) -> OrderEntry | None:
         """What was written for this attempt at a slot."""

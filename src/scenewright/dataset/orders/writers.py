@@ -132,7 +132,7 @@ class TextReader:
                                   rng=np.random.default_rng(k), lawful=self._lawful), None)
             for k in range(_CASTS)
         )  # fmt: skip
-        return all(each is not None and each.patterns[0].pattern == story.leaf for each in draws)
+        return all(draw is not None and draw.patterns[0].pattern == story.leaf for draw in draws)
 
     def describe_misreading(self, text: str, story: Story, *, strict: bool) -> str | None:
         """What a text says that its story does not, as feedback for the writer; None if nothing.
@@ -147,7 +147,9 @@ class TextReader:
         if "agents" not in reply:
             return f"it is refused: {reply.get('reason')}" if strict else None
         graph = SocialGraph.model_validate(reply)
-        events: set[str] = {EVENT_OF_RELATION[each.type] for each in graph.relations} or {"normal"}
+        events: set[str] = {EVENT_OF_RELATION[relation.type] for relation in graph.relations} or {
+            "normal"
+        }
         if events != {story.event}:
             return f"it describes {' and '.join(sorted(events))}, the story is of {story.event}"
         for name, found, wanted in (

@@ -233,7 +233,7 @@ class Covered:
 
 def count_bins(encounters: Sequence[Encounter], bins: Sequence[Bins], least: int = 1) -> Covered:
     """How often each combination of bins is met."""
-    own = [[each.get(b.item) for b in bins] for each in encounters]
+    own = [[encounter.get(b.item) for b in bins] for encounter in encounters]
     found = ([b.find(v) for b, v in zip(bins, values, strict=True)] for values in own)
     seen = Counter(tuple(map(str, bin_)) for bin_ in found if None not in bin_)
     # Of an item whose words are the place's business, those that are seen are wanted.
@@ -249,10 +249,10 @@ def measure_coverage(encounters: Sequence[Encounter], goals: Goals | None = None
     if goals is None:
         found = (count_bins(encounters, [build_bins(item)]) for item in ITEMS)
         return [each for each in found if each.values]
-    bins = {each.cover: build_bins(each.cover, each.bins or (), each.values)
-            for each in goals.dimensions}  # fmt: skip
-    covered = [count_bins(encounters, [bins[each.cover]], each.least)
-               for each in goals.dimensions if each.least]  # fmt: skip
+    bins = {dimension.cover: build_bins(dimension.cover, dimension.bins or (), dimension.values)
+            for dimension in goals.dimensions}  # fmt: skip
+    covered = [count_bins(encounters, [bins[dimension.cover]], dimension.least)
+               for dimension in goals.dimensions if dimension.least]  # fmt: skip
     for cross in goals.crosses:
         own = [bins.get(item) or build_bins(item) for item in cross.cross]
         covered.append(count_bins(encounters, own, cross.least))

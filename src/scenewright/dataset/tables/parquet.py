@@ -113,7 +113,7 @@ def _build_scene_row(files: SceneFiles) -> dict[str, Any]:
         "patterns": list(about.get("patterns", [])),
         "verified": proof.verified,
         "verdict": proof.verdict,
-        "not_shown": [each.words for each in proof.list_words("not_shown")],
+        "not_shown": [word.words for word in proof.list_words("not_shown")],
         "unasked_red_lights": proof.unasked_red_lights,
         "relations": [each["type"] for each in scene["relations"]],
         **{
@@ -306,7 +306,7 @@ def list_map_rows(intersection: IntersectionMap) -> list[dict[str, Any]]:
               speed_limit=lane.speed_limit, successors=list(lane.successors))
         for lane in intersection.lanelets
     ]  # fmt: skip
-    rows += [build(each.id, "stop_line", each.line, each.leg) for each in intersection.stop_lines]
+    rows += [build(line.id, "stop_line", line.line, line.leg) for line in intersection.stop_lines]
     rows += [
         build(walk.id, "crosswalk", walk.centreline, walk.leg, width=walk.width)
         for walk in intersection.crosswalks

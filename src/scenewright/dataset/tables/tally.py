@@ -73,7 +73,7 @@ class Tally:
         self.verdicts[scene["verdict"]] += 1
         self.unshown.update(list(dict.fromkeys(scene["not_shown"])))
         self.unlawful += scene["unasked_red_lights"] > 0
-        self.worse += any(each.list_worse() for each in Proof.model_validate(files.proof).events)
+        self.worse += any(event.list_worse() for event in Proof.model_validate(files.proof).events)
         self.patterns.update(scene["patterns"])
         self.agents[len(rows["agents"])] += 1
         self.intersections[scene["intersection"]] += 1

@@ -179,9 +179,10 @@ class Assessment:
         ]
         names = ("all", *FEATURES)
         likelihoods = [
-            (each.type, each.reference, each.source,
-             *(f"{each.scores[name]:.3f}" if name in each.scores else "–" for name in names))
-            for each in self.likelihoods
+            (likelihood.type, likelihood.reference, likelihood.source,
+             *(f"{likelihood.scores[name]:.3f}" if name in likelihood.scores else "–"
+               for name in names))
+            for likelihood in self.likelihoods
         ]  # fmt: skip
         parts = [
             f"### Two-sample test\n\n{format_table([*columns], tests)}",

@@ -57,7 +57,7 @@ def measure_features(
     if ground is not None:
         area = merge_areas(ground.road)
         if kind == "pedestrian":
-            crossings = [geos.Polygon(each.polygon) for each in ground.crosswalks]
+            crossings = [geos.Polygon(crosswalk.polygon) for crosswalk in ground.crosswalks]
             area = geos.union_all([merge_areas(ground.walkable), *crossings])
     found: list[Values] = []
     for stretch in stretches:

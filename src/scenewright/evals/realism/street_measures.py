@@ -130,12 +130,12 @@ def compute_count_ranks(
     rng = np.random.default_rng(seed)
     kinds: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
     found: dict[AgentClass, list[list[float]]] = {kind: [] for kind in kinds}
-    for each in stretches:
-        if each.hour is None or each.place is None:
+    for stretch in stretches:
+        if stretch.hour is None or stretch.place is None:
             continue
-        mass = mass_of(each.place, each.hour)
+        mass = mass_of(stretch.place, stretch.hour)
         for axis, kind in enumerate(kinds):
-            n = sum(user.shape.type == kind for user in each.users)
+            n = sum(user.shape.type == kind for user in stretch.users)
             below = np.concatenate([[0.0], np.cumsum(mass.sum(axis=1 - axis)), [1.0, 1.0]])
             low, high = (below[min(k, len(below) - 1)] for k in (n, n + 1))
             found[kind].append([float(low + rng.random() * (high - low))])

@@ -207,7 +207,7 @@ def _compute_features(velocity: FloatArray) -> tuple[FloatArray, FloatArray, flo
         np.gradient(acceleration, STEP).std(), turning.std(), turned,
         np.abs(np.diff(acceleration)).max(),
     ]]  # fmt: skip
-    return np.concatenate([np.asarray(each) for each in features]), speed, turned
+    return np.concatenate([np.asarray(feature) for feature in features]), speed, turned
 
 
 def classify_motion(velocity: FloatArray, kind: AgentClass) -> str:

@@ -92,7 +92,7 @@ def _find_fault(label: Label, submission: Submission) -> str | None:
             missing = f"unasked {first.type} of {first.from_} and {first.to} at {first.time:.1f} s"
             continue
         # Agents without events must be found among the tracks that are left.
-        left = [each for each in submission.agents if each.id not in bound.values()]
+        left = [agent for agent in submission.agents if agent.id not in bound.values()]
         for wanted in (each for each in label["agents"] if each["id"] not in bound):
             found = next((each for each in left if is_like(wanted, each)), None)
             if found is None:
@@ -109,7 +109,7 @@ def _list_bindings(
 ) -> Iterator[tuple[dict[str, int], set[frozenset[int]]]]:
     """Every way of giving the relations' agents to tracks so that each relation is an event."""
     wanted = {each["id"]: each for each in label["agents"]}
-    seen = {each.id: each for each in submission.agents}
+    seen = {agent.id: agent for agent in submission.agents}
     choices: list[list[dict[str, int]]] = []
     for relation in relations:
         names = relation["from"], relation["to"]
@@ -157,7 +157,7 @@ def count_verdicts(
     verdicts: Sequence[Verdict], rows: Sequence[Mapping[str, Any]]
 ) -> dict[str, Figure]:
     """The figures of `RATES`, each with its n."""
-    counts = Counter(each.outcome for each in verdicts)
+    counts = Counter(verdict.outcome for verdict in verdicts)
     impossible = sum(bool(row["expected"]["refused"]) for row in rows)
     possible, made = len(rows) - impossible, counts["satisfied"] + counts["wrong"]
     return {
@@ -172,9 +172,9 @@ def to_markdown(shares: Mapping[str, Figure], verdicts: Sequence[Verdict]) -> st
     """The figures, and why scenes are wrong."""
     rows = [[RATES[name], f"{s.count} / {s.n}", f"{s:.1%}"] for name, s in shares.items()]
     reasons = Counter[str]()
-    for each in verdicts:
-        if each.outcome == "wrong":  # counted without numbers, names and quotes
-            words = (each.reason or "").split()
+    for verdict in verdicts:
+        if verdict.outcome == "wrong":  # counted without numbers, names and quotes
+            words = (verdict.reason or "").split()
             reasons[" ".join(words[: 2 if words[:1] == ["unasked"] else 4])] += 1
     parts = [format_table(["figure", "count", "share [95 %]"], rows)]
     if reasons:
@@ -251,7 +251,10 @@ def see_agents(users: Iterable[RoadUser], intersection: IntersectionMap) -> list
         if user.shape.type == "pedestrian":
             xy = user.track.xy
             way = geos.LineString(xy) if len(xy) > 1 else geos.LineString()
-            walks = ((each.leg, geos.Polygon(each.polygon)) for each in intersection.crosswalks)
+            walks = (
+                (crosswalk.leg, geos.Polygon(crosswalk.polygon))
+                for crosswalk in intersection.crosswalks
+            )
             used = frozenset(leg for leg, area in walks if way.intersection(area).length > _CROSSED)
             road = (geos.Polygon(area.exterior, area.holes) for area in intersection.road)
             on_road = sum(way.intersection(area).length for area in road) > _CROSSED

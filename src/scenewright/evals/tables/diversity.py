@@ -229,10 +229,10 @@ def compare_events(
             events = (e for each in scenes for e in each.seen.events if e.type == kind)
             own = [(*event.location, event.time) for event in events]
             rows.append(np.array(own, dtype=np.float64).reshape(-1, 3))
-        times = [each[:, 2:] for each in rows]
-        asked = [each[(each[:, 0] >= first) & (each[:, 0] <= last)] for each in times]
+        times = [row[:, 2:] for row in rows]
+        asked = [time[(time[:, 0] >= first) & (time[:, 0] <= last)] for time in times]
         for what, unit, values in (
-            ("place of events", "m", [each[:, :2] for each in rows]),
+            ("place of events", "m", [row[:, :2] for row in rows]),
             ("time of events", "s", times),
             (f"time of events, {first:g} to {last:g} s", "s", asked),
         ):
@@ -271,7 +271,7 @@ def match_windows(
     found = []
     for scene in [*scenes] * -(-least // len(scenes)):
         length = max((user.track.end for user in scene.users), default=0.0)
-        seen = np.array([np.searchsorted(each, length) for each in starts])
+        seen = np.array([np.searchsorted(start, length) for start in starts])
         number = int(np.lexsort((taken, np.abs(seen - len(_list_starts(scene)))))[0])
         taken[number] += 1
         found.append(shorten_scene(windows[number], length))

@@ -120,19 +120,20 @@ def measure_scenes(scenes: Sequence[ObservedTracks], *, smoothing: float = 0.0) 
         smoothing: over positions before derivatives are taken [s].
     """
     found: dict[tuple[str, str], Parts] = {
-        **measure_motion([each.scene for each in scenes], smoothing=smoothing)
+        **measure_motion([scene.scene for scene in scenes], smoothing=smoothing)
     }
     headways: list[FloatArray] = []
     pets: dict[str, list[FloatArray]] = {"vehicle-vehicle": [], "vehicle-pedestrian": []}
-    for seen in (each.seen for each in scenes):
+    for seen in (scene.seen for scene in scenes):
         lanes = [lane for lane in seen.lanes if seen.tracks[lane.follower].is_vehicle]
         moving = [lane.headway[(lane.speed > CREEP) & (lane.leader >= 0)] for lane in lanes]
         headway = np.concatenate([np.zeros(0), *moving])
         headways.append(headway[headway <= MOST_HEADWAY])
         for walkers, own in enumerate(pets.values()):
             own.append(np.array([
-                each.pet for each in seen.encounters
-                if sum(not seen.tracks[k].is_vehicle for k in (each.first, each.second)) == walkers
+                encounter.pet for encounter in seen.encounters
+                if walkers
+                == sum(not seen.tracks[k].is_vehicle for k in (encounter.first, encounter.second))
             ]))  # fmt: skip
     found["headway", "vehicle"] = headways
     return found | {("PET", pair): own for pair, own in pets.items()}

@@ -154,8 +154,8 @@ def produce_table_3(
         ]
         found[method] = (
             *(
-                "–" if each is None else each.format("{0:.2f} [{1:.1f}, {2:.1f}]")
-                for each in figures
+                "–" if figure is None else figure.format("{0:.2f} [{1:.1f}, {2:.1f}]")
+                for figure in figures
             ),
             "–" if late.seconds is None else f"{late.seconds:.3f}",
         )

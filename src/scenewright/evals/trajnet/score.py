@@ -265,11 +265,11 @@ def format_predictions(
     recording: BenchmarkRecording, scenes: Iterable[PredictedScene]
 ) -> Iterable[str]:
     """The predictions in the benchmark's own format, line by line, each primary first."""
-    for each in scenes:
-        row = each.row
+    for scene in scenes:
+        row = scene.row
         names = {"id": row.id, "p": row.primary, "s": row.start, "e": row.end, "fps": row.fps}
         yield json.dumps({"scene": {**names, "tag": 0}})
-        for person, track in zip(recording.ids[each.places].tolist(), each.xy, strict=True):
+        for person, track in zip(recording.ids[scene.places].tolist(), scene.xy, strict=True):
             for k, (x, y) in enumerate(track.tolist(), start=OBSERVED):
                 place = {"p": person, "x": round(x, 2), "y": round(y, 2)}
                 more = {"prediction_number": 0, "scene_id": row.id}

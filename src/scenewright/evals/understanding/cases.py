@@ -92,13 +92,13 @@ class ObservedScene:
         """Convert to a row of a file, as docs/understanding.md has it."""
         agents = [
             {
-                "id": each.id, "type": each.type, "start": each.start,
-                "trajectory": each.xy.tolist(), "heading": each.heading.tolist(),
-                "length": each.length, "width": each.width, "left": each.left,
+                "id": agent.id, "type": agent.type, "start": agent.start,
+                "trajectory": agent.xy.tolist(), "heading": agent.heading.tolist(),
+                "length": agent.length, "width": agent.width, "left": agent.left,
             }
-            for each in self.agents
+            for agent in self.agents
         ]  # fmt: skip
-        lights = [each.model_dump(mode="json") for each in self.lights]
+        lights = [light.model_dump(mode="json") for light in self.lights]
         return {
             "scene": self.scene, "window": self.now, "intersection": self.intersection,
             "hour": self.hour, "agents": agents, "lights": lights,
@@ -154,9 +154,9 @@ def observe(record: SceneRecord, *, scene: str, window: float) -> ObservedScene:
             left=count > len(agent.trajectory),
         ))  # fmt: skip
     lights = [
-        each.model_copy(update={"end": min(each.end, window)})
-        for each in record.signals
-        if each.start < window
+        signal.model_copy(update={"end": min(signal.end, window)})
+        for signal in record.signals
+        if signal.start < window
     ]
     return ObservedScene(
         hash_scene(scene),
@@ -253,11 +253,11 @@ def read_case(folder: Path) -> SceneCase:
 def is_foreseeable(case: SceneCase) -> bool:
     """Whether every requested event happens within `EVENTS_AT`; following lasts and is exempt."""
     first, last = EVENTS_AT
-    requested = {frozenset((each.from_, each.to)) for each in case.record.relations}
+    requested = {frozenset((relation.from_, relation.to)) for relation in case.record.relations}
     return all(
-        each.time is None or first <= each.time <= last
-        for each in case.record.events
-        if each.type != "follow" and frozenset((each.from_, each.to)) in requested
+        event.time is None or first <= event.time <= last
+        for event in case.record.events
+        if event.type != "follow" and frozenset((event.from_, event.to)) in requested
     )
 
 

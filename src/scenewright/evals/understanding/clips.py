@@ -122,7 +122,7 @@ def list_event_starts(source: ClipSource) -> list[float]:
     last = min(decided - BEFORE[0], source.case.record.meta.duration - LENGTH)
     found = []
     for start in _list_times(max(decided - BEFORE[1], 0.0), last):
-        inside = [each for each in source.events if not each.lies_outside(start)]
+        inside = [event for event in source.events if not event.lies_outside(start)]
         if all(
             _are_in_view(source, (each.event.from_, each.event.to), start)
             and each.decided >= start + BEFORE[0]
@@ -139,7 +139,7 @@ def list_normal_starts(source: ClipSource) -> list[float]:
     return [
         start
         for start in starts
-        if all(each.lies_outside(start) for each in source.events)
+        if all(event.lies_outside(start) for event in source.events)
         and any(
             _are_in_view(source, (one, two), start)
             and ((times >= start + SOONEST) & (times <= start + LENGTH)).any()
@@ -234,9 +234,9 @@ def cut_clip(source: ClipSource, start: float, named: str | None = None) -> Scen
         update={"meta": meta, "agents": tuple(agents), "signals": tuple(signals)}
     )
     shifted = [
-        each.event.model_copy(update={"time": round(each.event.time - start, 3)})
-        for each in source.events
-        if start <= each.event.time <= start + LENGTH
+        event.event.model_copy(update={"time": round(event.event.time - start, 3)})
+        for event in source.events
+        if start <= event.event.time <= start + LENGTH
     ]
     proof = case.proof.model_copy(update={"events": tuple(shifted), "incidental": ()})
     return replace(case, id=name, record=cut, proof=proof, named=named)

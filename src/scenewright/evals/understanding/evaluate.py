@@ -138,7 +138,7 @@ def evaluate(
         return MethodScores(Path(method).name, None, _score_windows(cases, read, {}), {})
     found = find_method(method, intersection=place, backend=backend)
     said: dict[SceneWindow, ScenePrediction] = {}
-    seconds: dict[float, list[float]] = {each: [] for each in windows}
+    seconds: dict[float, list[float]] = {window: [] for window in windows}
     for n, case in enumerate(cases, start=1):
         for seen in observe_cases([case], windows):
             if not said:

@@ -74,7 +74,9 @@ def ask_about_scene(
     model = create_model(
         "Reply", __base__=Model, exits=(exits, ...), relations=(tuple[relation, ...], ...)
     )
-    refused = [f"Your earlier answer was refused: {each[:400]}" for each in rejections[-3:]]
+    refused = [
+        f"Your earlier answer was refused: {rejection[:400]}" for rejection in rejections[-3:]
+    ]
     user = "\n".join([description.text, *refused])
     question = Question(
         task=TASK,

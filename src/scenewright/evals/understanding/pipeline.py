@@ -82,7 +82,7 @@ def find_method(name: str, *, intersection: str, backend: Backend | None = None)
     if name in ("gmm", "gmm_waypoints"):
         find = find_nearest_mean if name == "gmm" else find_nearest_waypoints
         return Method(name, lambda seen, _: ScenePrediction(
-            {each.id: find(each, intersection=intersection) for each in seen.agents}, None
+            {agent.id: find(agent, intersection=intersection) for agent in seen.agents}, None
         ))  # fmt: skip
     if name == "agent" and backend is None:
         raise InputError("the method agent needs --backend: the language model to ask")

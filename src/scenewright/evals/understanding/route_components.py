@@ -87,7 +87,7 @@ def load_components(intersection: str, kind: AgentClass) -> RouteComponents:
     from scenewright.graph.run import ground_of
 
     ground, priors = ground_of(intersection), load_priors(intersection)
-    known = [each for each in ground.intersection_map.routes if each.id in priors.waypoints]
+    known = [route for route in ground.intersection_map.routes if route.id in priors.waypoints]
     if kind not in RIDERS:
         return _build_components([each for each in known if each.type == kind], priors, ground)
     # Riders have priors on all these routes; few ride on crosswalks.
@@ -121,7 +121,7 @@ def _build_components(routes: list[Route], priors: Priors, ground: MapAreas) -> 
     across = np.einsum("cpi,cij->cpj", rows, cholesky)
     profiles = [priors.driving_profiles[route.id] for route in owners]
     law = {
-        name: np.stack([getattr(each, name) for each in profiles])
+        name: np.stack([getattr(profile, name) for profile in profiles])
         for name in ("median", "spread", "low", "high")
     }
     # Speed that the curves ahead allow, from cautious to bold in braking and in curves.

@@ -245,11 +245,11 @@ def count_scene(labels: Labels, prediction: ScenePrediction, *, window: float) -
             items[0] += (normal and quiet, quiet > normal, normal > quiet)
         parts.append(items)
     leads = np.zeros((len(RELATIONS), len(LEADS), 2))
-    for each in labels.relations:
-        if each.key in truth and each.time is not None:
-            lead = max(each.time - window, 0.0)
+    for relation in labels.relations:
+        if relation.key in truth and relation.time is not None:
+            lead = max(relation.time - window, 0.0)
             at = next(n for n, (low, high) in enumerate(LEADS) if low <= lead < high)
-            leads[RELATIONS.index(each.type), at] += (each.key in said, 1)
+            leads[RELATIONS.index(relation.type), at] += (relation.key in said, 1)
     return SceneCounts(
         exits=None if exits is None else classes,
         items=None if relations is None else parts[0],
@@ -266,13 +266,14 @@ def summarise(
 ) -> WindowScores:
     """Summarise the counts of all scenes after one window [s]."""
     draws = draw_resamples(len(counts), draws=DRAWS).astype(np.float64)
-    leads = np.sum([each.leads for each in counts], axis=0).astype(int).tolist()
+    leads = np.sum([count.leads for count in counts], axis=0).astype(int).tolist()
     found = {name: [(k, n) for k, n in own] for name, own in zip(RELATIONS, leads, strict=True)}
     exits, items, strict = (
-        [getattr(each, name) for each in counts] for name in ("exits", "items", "strict")
+        [getattr(count, name) for count in counts] for name in ("exits", "items", "strict")
     )
     sums = {
-        name: sum(getattr(each, name) for each in counts) for name in ("agents", "unseen", "later")
+        name: sum(getattr(count, name) for count in counts)
+        for name in ("agents", "unseen", "later")
     }
     return WindowScores(
         window=window,
@@ -295,7 +296,7 @@ def _summarise_kinds(
     pooled: str,
 ) -> dict[str, Figure]:
     """F1 by kind, its mean over some kinds, and that of all items together."""
-    if any(each is None for each in counts):
+    if any(count is None for count in counts):
         return {}
     table = np.array(counts)
     # The counts of all scenes, then of each resample.

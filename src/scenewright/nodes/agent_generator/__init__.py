@@ -59,7 +59,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime) -> GeneratorWrit
 
 def count_samples(rejections: list[Rejection], refinement: Refinement | None) -> int:
     """Count refusals after the planner, each a fresh sample unless it led to refining less."""
-    spent = sum(each.stage != "scene_planner" for each in rejections)
+    spent = sum(rejection.stage != "scene_planner" for rejection in rejections)
     return spent - (0 if refinement is None else refinement.retries)
 
 

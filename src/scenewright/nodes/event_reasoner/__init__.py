@@ -83,9 +83,9 @@ def edit_segments(
     summary = summarise(selection, map_areas=context.ground)
     own = chain_segments(segments, summary)
     program = BehaviorProgram(segments={**summary.suggest_segments().segments, **own})
-    for each in summary.agents:
-        if each.agent in own:
-            check_track(each, own[each.agent], selection.agents[each.agent], selection.duration)
+    for agent in summary.agents:
+        if agent.agent in own:
+            check_track(agent, own[agent.agent], selection.agents[agent.agent], selection.duration)
     return _write_channels(AddedStops(), selection, summary, program, state, context)
 
 
@@ -158,20 +158,20 @@ def _place(
 
 def _ask_for_stops(left: list[Left], state: ReasonerReads, context: RunContext) -> AddedStops:
     rejections = tuple(
-        each.detail
-        for each in list_latest_rejections(state.get("rejections", []), "event_reasoner")
+        rejection.detail
+        for rejection in list_latest_rejections(state.get("rejections", []), "event_reasoner")
     )
     summary = summarise(state["selection"], map_areas=context.ground)
     front = state["candidates"].cast.routes
-    agents = tuple(each for each in summary.agents if each.agent in front)
+    agents = tuple(agent for agent in summary.agents if agent.agent in front)
     seen = summary.model_copy(update={"agents": agents})
     segments = seen.suggest_segments().model_dump(mode="json")["segments"]
     facts: dict[str, Any] = {
         "instruction": state["instruction"],
         "words": list_word_facts(left, state["social_graph"]),
         "relations": [
-            f"{each.from_} {get_pattern(each.pattern).relation} {each.to}"
-            for each in state["candidates"].cast.patterns
+            f"{pattern.from_} {get_pattern(pattern.pattern).relation} {pattern.to}"
+            for pattern in state["candidates"].cast.patterns
         ],
         "segments": segments,
         **to_facts(seen),

@@ -37,7 +37,7 @@ def render_stops_prompt(
         "relations": "; ".join(facts["relations"]) or "none",
         "evidence": f"Solved: {'; '.join(solved)}." if solved else "",
         "agents": format_json(
-            {each.agent: _describe_agent(each, summary.duration) for each in summary.agents}
+            {agent.agent: _describe_agent(agent, summary.duration) for agent in summary.agents}
         ),
         "words": format_words(words),
         "faults": format_rejections(rejections),
@@ -49,7 +49,7 @@ def render_stops_prompt(
 def _describe_agent(agent: AgentSummary, duration: float) -> dict[str, Any]:
     """Places with the way [m] to them, and the segments that are written."""
     return {
-        "places": [[each.id, round(each.s, 1)] for each in agent.anchors],
+        "places": [[anchor.id, round(anchor.s, 1)] for anchor in agent.anchors],
         "segments": [
             f"{each.status} {each.start:.1f}-{each.end:.1f} s {each.anchor}"
             for each in agent.suggest_segments(duration)

@@ -77,19 +77,19 @@ class StopsReply(Model):
                 is said, an agent or a place that is not there.
         """
         unserved = list_unserved(
-            [each.words for each in self.stops], self.cannot, entries,
+            [stop.words for stop in self.stops], self.cannot, entries,
             stage="event_reasoner", note="no standstill shows this",
         )  # fmt: skip
-        known = {each.agent: [anchor.id for anchor in each.anchors] for each in agents}
-        for each in self.stops:
-            if each.agent not in known:
-                raise build_rejection("malformed_reply", each.agent, "is not asked about")
-            if each.place not in known[each.agent]:
-                raise build_rejection("unknown_anchor", each.agent, f"has no anchor {each.place!r}")
+        known = {agent.agent: [anchor.id for anchor in agent.anchors] for agent in agents}
+        for stop in self.stops:
+            if stop.agent not in known:
+                raise build_rejection("malformed_reply", stop.agent, "is not asked about")
+            if stop.place not in known[stop.agent]:
+                raise build_rejection("unknown_anchor", stop.agent, f"has no anchor {stop.place!r}")
         return AddedStops(
             stops=tuple(
-                AddedStop(entry=entries[each.words - 1], **each.model_dump(exclude={"words"}))
-                for each in self.stops
+                AddedStop(entry=entries[stop.words - 1], **stop.model_dump(exclude={"words"}))
+                for stop in self.stops
             ),
             unserved=unserved,
         )
@@ -102,12 +102,12 @@ def build_stops_schema(agents: Sequence[AgentSummary], count: int) -> Schema:
         count: of the words, which are numbered from 1.
     """
     forms = []
-    for each in agents:
-        if each.anchors:
+    for agent in agents:
+        if agent.anchors:
             form = {
                 "words": build_reference("words"),
-                "agent": build_enum((each.agent,)),
-                "place": build_enum(anchor.id for anchor in each.anchors),
+                "agent": build_enum((agent.agent,)),
+                "place": build_enum(anchor.id for anchor in agent.anchors),
                 "ahead": build_number(0, 30),
                 "lasts": build_number(1, 10),
             }
@@ -125,7 +125,7 @@ def chain_segments(
     Raises:
         Rejected: `malformed_reply` for an agent that is not there.
     """
-    agents = {each.agent: each for each in summary.agents}
+    agents = {agent.agent: agent for agent in summary.agents}
     for name in replies:
         if name not in agents:
             raise build_rejection("malformed_reply", name, "is not in the scene")
@@ -134,10 +134,10 @@ def chain_segments(
 
 def _chain(replies: Sequence[SegmentReply], agent: AgentSummary) -> tuple[Segment, ...]:
     now, found = max(agent.enters, 0.0), []
-    for each in replies:
-        start = now if each.start is None else each.start
-        found.append(Segment(start=start, end=each.end, anchor=each.anchor, status=each.status))
-        now = each.end
+    for reply in replies:
+        start = now if reply.start is None else reply.start
+        found.append(Segment(start=start, end=reply.end, anchor=reply.anchor, status=reply.status))
+        now = reply.end
     return tuple(found)
 
 
@@ -154,27 +154,33 @@ def check_track(
             anchors that are not there are left to `check_segments`.
     """
     places = {anchor.id: anchor.s for anchor in summary.anchors}
-    if any(each.status == "stop" and each.anchor not in places for each in segments):
+    if any(segment.status == "stop" and segment.anchor not in places for segment in segments):
         return
     motion = compute_edited_motion(agent, segments, places, duration=duration)
-    for each in segments:
-        if each.status == "stop" and each.end > each.start:
-            comes = agent.enters + motion.find_time_at(places[each.anchor] - _THERE)
+    for segment in segments:
+        if segment.status == "stop" and segment.end > segment.start:
+            comes = agent.enters + motion.find_time_at(places[segment.anchor] - _THERE)
             # A stay that began before the scene is clamped to its beginning.
-            if abs(max(comes, 0.0) - each.start) > _SOON:
-                what = f"stands at {each.anchor} from {each.start:g} s, but comes at {comes:.1f} s"
+            if abs(max(comes, 0.0) - segment.start) > _SOON:
+                what = (
+                    f"stands at {segment.anchor} from {segment.start:g} s, "
+                    f"but comes at {comes:.1f} s"
+                )
                 raise build_rejection("segment_off_track", summary.agent, what)
-        if each.status != "terminate":
+        if segment.status != "terminate":
             continue
         what = ""
-        if each.anchor == "contact" and summary.contact is not None:
-            if abs(each.start - summary.contact) > 2 * STEP:
-                what = f"ends at {each.start:g} s, but its contact is at {summary.contact:g} s"
-        elif each.anchor in places:
-            is_at = float(motion.compute_positions(np.array(each.start - agent.enters)))
-            away = abs(is_at - places[each.anchor])
+        if segment.anchor == "contact" and summary.contact is not None:
+            if abs(segment.start - summary.contact) > 2 * STEP:
+                what = f"ends at {segment.start:g} s, but its contact is at {summary.contact:g} s"
+        elif segment.anchor in places:
+            is_at = float(motion.compute_positions(np.array(segment.start - agent.enters)))
+            away = abs(is_at - places[segment.anchor])
             if away > _NEAR:
-                what = f"ends at {each.anchor} at {each.start:g} s, but is {away:.1f} m away then"
+                what = (
+                    f"ends at {segment.anchor} at {segment.start:g} s, "
+                    f"but is {away:.1f} m away then"
+                )
         if what:
             raise build_rejection("segment_off_track", summary.agent, what)
 

@@ -42,7 +42,8 @@ def render_edits_prompt(
     graph, others = situation.graph, _list_background(situation)
     front = situation.foreground
     relations = [
-        each.model_dump(mode="json", by_alias=True, exclude_none=True) for each in graph.relations
+        relation.model_dump(mode="json", by_alias=True, exclude_none=True)
+        for relation in graph.relations
     ]
     context = graph.context.model_dump(mode="json", exclude_none=True, exclude={"background"})
     values = {

@@ -171,7 +171,7 @@ class EditsReply(Model):
     @model_validator(mode="after")
     def _check_one_answer(self) -> Self:
         kinds = [self.edits, self.ask, self.fresh, self.refused]
-        if sum(bool(each) for each in kinds) != 1:
+        if sum(bool(kind) for kind in kinds) != 1:
             raise ValueError("say one thing: edits, or with none of them ask, fresh or refused")
         if self.refused and not self.reason:
             raise ValueError("a refusal needs its 'reason'")
@@ -316,7 +316,7 @@ class _ReplyReader:
             self._require_present(name)
         match line.edit:
             case "add_agent":
-                if name in self._present or name in {each.id for each in self._graph.agents}:
+                if name in self._present or name in {agent.id for agent in self._graph.agents}:
                     raise _build_rejection(
                         f"add_agent: {name} is there already; take {self._free[0]}"
                     )
@@ -367,7 +367,7 @@ class _ReplyReader:
         return name
 
     def _require_participant(self, name: str) -> None:
-        if name in {each.id for each in self._graph.agents}:
+        if name in {agent.id for agent in self._graph.agents}:
             return
         if name in self._present:
             raise _build_rejection(f"{name} is one of the others; add_agent an agent of an event")
@@ -391,8 +391,8 @@ class _ReplyReader:
         """The agent with the fields given, and of its former route as much as fits these."""
         fields = _list_fields(line)
         AgentNode.model_validate({"id": node.id, "type": node.type, **fields})
-        was = {each: getattr(node, each) for each in WAY_FIELDS}
-        way = {each: fields[each] for each in WAY_FIELDS if each in fields}
+        was = {field: getattr(node, field) for field in WAY_FIELDS}
+        way = {field: fields[field] for field in WAY_FIELDS if field in fields}
         if way.items() <= was.items():
             return AgentNode.model_validate({**node.model_dump(), **fields})
         found = resolve_route(node.type, was, way, self._ways)

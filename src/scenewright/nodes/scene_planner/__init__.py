@@ -85,11 +85,11 @@ def _find_words(edge: RelationEdge, plan: SocialGraph, text: str) -> SaidSpan | 
         return None
     said = (each for each in plan.said if each.became == "relation")
     words = (each for each in said if edge.pair == set(each.agents))
-    for each in words:
-        mutual = _MUTUAL.match(text[each.start : each.end + len(" involving")])
-        mended = " ".join(token.text for token in read_tokens(each.words))
-        if (_STRIKES.search(each.words) or _STRIKES.search(mended)) and not mutual:
-            return each
+    for word in words:
+        mutual = _MUTUAL.match(text[word.start : word.end + len(" involving")])
+        mended = " ".join(token.text for token in read_tokens(word.words))
+        if (_STRIKES.search(word.words) or _STRIKES.search(mended)) and not mutual:
+            return word
     return None
 
 

@@ -74,12 +74,12 @@ def render_plan_prompt(
     }
     schema = build_plan_schema(ways, patterns, words)
     shown = []
-    for each in examples:  # without the classes of agents, which their ids contain
+    for example in examples:  # without the classes of agents, which their ids contain
         agents = [
-            {k: v for k, v in a.items() if k != "type"} for a in each.answer.get("agents", ())
+            {k: v for k, v in a.items() if k != "type"} for a in example.answer.get("agents", ())
         ]
         short = {"agents": agents} if agents else {}
-        shown.append(Example(each.request, {**each.answer, **short}))
+        shown.append(Example(example.request, {**example.answer, **short}))
     return render_prompt("scene_planner", "prompt.md", values, schema=schema, examples=shown)
 
 
@@ -131,8 +131,8 @@ def _format_patterns(patterns: Sequence[Pattern]) -> str:
     lines = []
     for pattern in patterns:
         phrases = [
-            each.replace("{from}", "FROM").replace("{to}", "TO")
-            for each in pattern.phrases[:_PHRASES]
+            phrase.replace("{from}", "FROM").replace("{to}", "TO")
+            for phrase in pattern.phrases[:_PHRASES]
         ]
         lines.append(f"{pattern.id} ({pattern.relation}): {' / '.join(phrases)}\n")
     head = "Patterns, to be set only if the request says just this:\n"
@@ -156,7 +156,7 @@ def describe_objects(words: str) -> str:
 def _describe_encounters() -> str:
     """What may be done about an object in the way, and the figure that goes with it."""
     kinds = list_kinds("encounter")
-    lines = ", ".join(each.prompt for each in kinds if each.prompt)
+    lines = ", ".join(kind.prompt for kind in kinds if kind.prompt)
     figures = ", ".join(f"{k.id} {k.figure.name} {k.figure.unit}" for k in kinds if k.figure)
     return (
         f"of one in the way of a vehicle or rider: met_by, encounter: {lines}; figure, if told, "

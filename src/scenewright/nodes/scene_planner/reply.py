@@ -140,7 +140,7 @@ def build_plan_schema(
         "braker": agent_id,
         **build_order_schema(words, agent_id),
         **build_manoeuvre_schema(words),
-        **({"pattern": build_enum(each.id for each in patterns)} if patterns else {}),
+        **({"pattern": build_enum(pattern.id for pattern in patterns)} if patterns else {}),
         **build_severity_schema(words),
     }
     tie = {"agent": agent_id, "of": agent_id, "side": build_enum(get_args(EntrySide))}
@@ -195,7 +195,7 @@ def build_severity_schema(words: str) -> Schema:
 def build_subtype_schema(words: str) -> Schema:
     """The subtypes of vehicles; those of emergency vehicles where the words may speak of them."""
     special = speaks_of("emergency", words)
-    return build_enum(each for each in list_names("subtype") if special or each not in EMERGENCY)
+    return build_enum(name for name in list_names("subtype") if special or name not in EMERGENCY)
 
 
 def build_manoeuvre_schema(words: str) -> Schema:
@@ -318,7 +318,7 @@ def _complete_agent(agent: AgentNode, ways: Sequence[RouteDescription]) -> Agent
     for field in fixed:
         options = {getattr(way, field) for way in open_}
         # An agent without any side given is left free, even if there is only one route.
-        told = sum(each is not None for each in values.values())
+        told = sum(value is not None for value in values.values())
         if values[field] is None and len(options) == 1 and told >= 2:
             values[field] = options.pop()
     return agent.model_copy(update=values)

@@ -81,8 +81,8 @@ def _may_be_redrawn(word: AccountEntry, scene: SceneRecord) -> bool:
     claim = word.claim or ""
     if claim.startswith("movement"):  # one that turns may turn earlier
         ways = claim.removeprefix("movement ").split("/")
-        return any(each.movement in ways for each in scene.agents if each.role == "foreground")
-    walks = any(each.type == "pedestrian" for each in scene.agents if each.role == "foreground")
+        return any(agent.movement in ways for agent in scene.agents if agent.role == "foreground")
+    walks = any(agent.type == "pedestrian" for agent in scene.agents if agent.role == "foreground")
     if walks and claim in ("tie left", "tie right"):  # no plan ties where walkers come from
         return True
     return served or claim.startswith(REDRAWN) or claim.endswith("to a stop")
@@ -206,7 +206,7 @@ def add_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
     """
     from scenewright.scene.record import EventRecord
 
-    asked = {(each.type, each.from_, each.to) for each in scene.relations}
+    asked = {(relation.type, relation.from_, relation.to) for relation in scene.relations}
     rows = []
     for event in proof.events:
         row = event.model_dump(by_alias=True, include=set(EventRecord.model_fields))
@@ -232,7 +232,7 @@ def _build_rejection(proof: Proof, scene: SceneRecord) -> Rejection:
     for code, findings in kinds:
         if findings:
             first = findings[0]
-            named = (f"{each} is {names[each]}" for each in first.agents if each in names)
+            named = (f"{agent} is {names[agent]}" for agent in first.agents if agent in names)
             detail = (
                 f"{first.rule}: {first.detail} ({'; '.join([f'{len(findings)} such', *named])})"
             )

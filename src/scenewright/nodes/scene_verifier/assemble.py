@@ -80,8 +80,8 @@ def assemble(
         events=(),
         relations=_build_relation_records(graph, pool.cast, numbers),
         ties=tuple(
-            TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
-            for each in graph.ties
+            TieRecord(agent=numbers[tie.agent], of=numbers[tie.of], side=tie.side)
+            for tie in graph.ties
         ),
         measures=build_measure_records(graph, numbers),
         signals=_build_signal_records(selection, intersection_map),
@@ -102,14 +102,14 @@ def _list_sights(graph: SocialGraph, numbers: dict[str, int]) -> tuple[SightReco
     """Every line of sight that an object is to block."""
     return tuple(
         SightRecord(
-            observer=numbers[each.hidden_from],
-            subject=numbers[each.hides],
-            object=each.id,
-            lead=each.lead or DEFAULT_LEAD,
-            between=next((o.id for o in graph.objects if o.beyond == each.id), None),
+            observer=numbers[scene_object.hidden_from],
+            subject=numbers[scene_object.hides],
+            object=scene_object.id,
+            lead=scene_object.lead or DEFAULT_LEAD,
+            between=next((o.id for o in graph.objects if o.beyond == scene_object.id), None),
         )
-        for each in graph.objects
-        if each.hides is not None and each.hidden_from is not None
+        for scene_object in graph.objects
+        if scene_object.hides is not None and scene_object.hidden_from is not None
     )
 
 
@@ -126,7 +126,7 @@ def _build_meta(
     if instruction == join_fields(
         fields
     ):  # it is but the text of a plan; stages may close accounts
-        said = tuple(each.value for each in fields if each.section == "said")
+        said = tuple(field.value for field in fields if field.section == "said")
         plan = graph.model_copy(update={"said": said})
     return SceneMeta(
         scene_id=compute_scene_id(instruction, intersection_map.name, seed),
@@ -201,7 +201,7 @@ def _build_relation_records(
     graph: SocialGraph, cast: RoleAssignment, numbers: dict[str, int]
 ) -> tuple[RelationRecord, ...]:
     """What was asked for, and what the file of the pattern that plays it demands besides."""
-    played = {each.edge: each for each in cast.patterns}
+    played = {pattern.edge: pattern for pattern in cast.patterns}
     return tuple(
         RelationRecord.model_validate(
             {
@@ -221,13 +221,13 @@ def build_measure_records(graph: SocialGraph, numbers: dict[str, int]) -> tuple[
     """The figures asked for, of the agents with these numbers."""
     return tuple(
         MeasureRecord(
-            kind=each.kind,
-            agent=numbers[each.agent],
-            other=None if each.other is None else numbers[each.other],
-            low=each.low,
-            high=each.high,
+            kind=measure.kind,
+            agent=numbers[measure.agent],
+            other=None if measure.other is None else numbers[measure.other],
+            low=measure.low,
+            high=measure.high,
         )
-        for each in graph.measures
+        for measure in graph.measures
     )
 
 

@@ -81,7 +81,7 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime) -> RefinerWrit
     agents, rolled, refined = _refine_motions(
         motions, edited, before, state, runtime.context, last=last
     )
-    kept = sum(each.reason is not None for each in agents.values())
+    kept = sum(agent.reason is not None for agent in agents.values())
     note = f"{len(agents) - kept} refined, {kept} kept as edited"
     if refiner.place not in ("", runtime.context.intersection.name):
         note += f", with the weights of {refiner.place}: there are none of its own"

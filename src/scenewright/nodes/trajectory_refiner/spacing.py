@@ -45,7 +45,7 @@ def find_crowded(
         sizes = (shapes[one], shapes[two])
         if among is not None and one not in among and two not in among:
             continue
-        if all(each.type == "pedestrian" for each in sizes):
+        if all(size.type == "pedestrian" for size in sizes):
             continue
         now = _measure_room(refined[one], refined[two], sizes)
         if not (now < np.array([_HEADWAY, _CLEARANCE])).any():
@@ -84,12 +84,12 @@ def _measure_room(one: Track, two: Track, shapes: tuple[Shape, Shape]) -> FloatA
         return room
     first, second = (_cut(each, begin, count) for each in (one, two))
     apart = np.hypot(*(second - first)[:, :2].T)
-    if all(each.type != "pedestrian" for each in shapes):
+    if all(shape.type != "pedestrian" for shape in shapes):
         sizes = (shapes[0].length + shapes[1].length) / 2, (shapes[0].width + shapes[1].width) / 2
         room[0] = min(
             _measure_headway(first, second, *sizes), _measure_headway(second, first, *sizes)
         )
-    near = apart < sum(np.hypot(each.length, each.width) / 2 for each in shapes) + _CLEARANCE
+    near = apart < sum(np.hypot(shape.length, shape.width) / 2 for shape in shapes) + _CLEARANCE
     if near.any():
         room[1] = compute_clearance(first[near], second[near], shapes=shapes).min()
     return room

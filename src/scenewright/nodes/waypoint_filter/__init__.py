@@ -67,7 +67,7 @@ def filter_waypoints(state: FilterReads, *, runtime: Runtime) -> FilterWrites:
     facts = _collect_facts(state)
     program = write_program(facts)
     added = _add_clauses(state, facts, program, runtime.context)
-    whole = extend_program(program, [each.clause for each in added.clauses])
+    whole = extend_program(program, [clause.clause for clause in added.clauses])
     try:
         return _solve(whole, added, facts, state, runtime.context)
     except Rejected as error:
@@ -141,8 +141,8 @@ def _ask_for_clauses(
     context: RunContext,
 ) -> AddedClauses:
     rejections = tuple(
-        each.detail
-        for each in list_latest_rejections(state.get("rejections", []), "waypoint_filter")
+        rejection.detail
+        for rejection in list_latest_rejections(state.get("rejections", []), "waypoint_filter")
     )
     asked = {
         "instruction": state["instruction"],
@@ -192,7 +192,7 @@ def _collect_facts(state: FilterReads) -> dict[str, Any]:
             for agent in graph.agents
             if getattr(agent, axis) is not None
         ],
-        "measures": [each.model_dump() for each in graph.measures],
+        "measures": [measure.model_dump() for measure in graph.measures],
         "violators": sorted(
             {each.violator for each in played if each.violator}
             | {agent.id for agent in graph.agents if agent.runs_red}

@@ -35,7 +35,7 @@ def render_clauses_prompt(
     offer = list_offered_kinds(relations)
     values = {
         "clauses": "\n".join(f"{k}({', '.join(keys)}): {_MEANS[k]}" for k, keys in offer.items()),
-        "agents": ", ".join(f"{each['id']} ({each['movement']})" for each in agents) or "none",
+        "agents": ", ".join(f"{agent['id']} ({agent['movement']})" for agent in agents) or "none",
         "relations": "; ".join(f"{e['from']} {e['type']} {e['to']}" for e in relations) or "none",
         "program": "; ".join(facts["program"].splitlines()),
         "words": format_words(words),

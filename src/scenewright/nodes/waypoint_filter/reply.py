@@ -94,7 +94,7 @@ class ClausesReply(Model):
                 words of which the reply says nothing.
         """
         unserved = list_unserved(
-            [each.words for each in self.clauses], self.cannot, entries,
+            [clause.words for clause in self.clauses], self.cannot, entries,
             stage="waypoint_filter", note="no clause can hold this",
         )  # fmt: skip
         known = {agent["id"] for agent in agents}
@@ -103,14 +103,18 @@ class ClausesReply(Model):
             named = _list_agents(clause)
             if not known.issuperset(named):
                 raise _build_rejection((), f"{said}: agents are {', '.join(sorted(known))}")
-            bound = [each for each in relations if {each["from"], each["to"]} == set(named)]
+            bound = [
+                relation
+                for relation in relations
+                if {relation["from"], relation["to"]} == set(named)
+            ]
             kinds = {kind for each in bound for kind in _OFFERED[each["type"]]}
             if clause.clause not in (_ALONE if unary else kinds):
                 raise _build_rejection(named, f"{said} is not offered")
         return AddedClauses(
             clauses=tuple(
-                AddedClause(entry=entries[each.words - 1], clause=each.clause)
-                for each in self.clauses
+                AddedClause(entry=entries[clause.words - 1], clause=clause.clause)
+                for clause in self.clauses
             ),
             unserved=unserved,
         )
@@ -150,10 +154,10 @@ def build_clauses_schema(
     """
     words = {"words": build_reference("words")}
     forms = [_build_clause_schema((kind,), words | _KEYS[kind]) for kind in _ALONE]
-    for each in relations:
-        ends = build_enum((each["from"], each["to"]))
+    for relation in relations:
+        ends = build_enum((relation["from"], relation["to"]))
         alike: dict[tuple[str, ...], list[str]] = {}  # one form for those of the same keys
-        for kind in _OFFERED[each["type"]]:
+        for kind in _OFFERED[relation["type"]]:
             alike.setdefault(tuple(_KEYS[kind]), []).append(kind)
         for kinds in alike.values():
             pair = {"first": ends, "second": ends, **_KEYS[kinds[0]]}
@@ -175,7 +179,7 @@ def _build_clause_schema(kinds: Sequence[str], keys: Mapping[str, Schema]) -> Sc
 def extend_program(program: ConstraintProgram, added: Sequence[Clause]) -> ConstraintProgram:
     """The program with clauses added; a bound that is given replaces the written one."""
     bound = {_get_subject(each) for each in added if each.clause in _RANGED}
-    kept = [each for each in program.clauses if _get_subject(each) not in bound]
+    kept = [clause for clause in program.clauses if _get_subject(clause) not in bound]
     kept += [each for each in added if each not in kept]
     return ConstraintProgram(clauses=tuple(kept)) if added else program
 
@@ -184,7 +188,7 @@ def select_clauses(
     program: ConstraintProgram, agents: Sequence[Mapping[str, str]]
 ) -> ConstraintProgram:
     """The clauses about these agents, but for those that keep them on their ground."""
-    names = {each["id"] for each in agents}
+    names = {agent["id"] for agent in agents}
     kept = (
         c for c in program.clauses if not isinstance(c, _GROUND) and _get_subject(c)[1] <= names
     )

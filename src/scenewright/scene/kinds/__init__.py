@@ -165,7 +165,7 @@ def list_readings(axis: Axis) -> tuple[tuple[re.Pattern[str], str], ...]:
 @cache
 def _compile_words(pattern: str | None, words: tuple[str, ...]) -> re.Pattern[str]:
     """A regular expression and plain words as one; without either it finds nothing."""
-    parts = filter(None, (pattern, *(rf"\b{re.escape(each)}\b" for each in words)))
+    parts = filter(None, (pattern, *(rf"\b{re.escape(word)}\b" for word in words)))
     return re.compile("|".join(parts) or "(?!)", re.IGNORECASE)
 
 
@@ -177,8 +177,8 @@ def is_heard(axis: Axis, text: str, *, of: AgentClass | None = None) -> bool:
 
 def find_marked(axis: Axis, mark: str, *, of: AgentClass | None = None) -> str | None:
     """The kind that a mark of the reader, or its own id, asks for, of a class of agents."""
-    kinds = (each for each in list_kinds(axis) if of is None or of in each.agents)
-    return next((each.id for each in kinds if mark in (each.id, *each.marks)), None)
+    kinds = (kind for kind in list_kinds(axis) if of is None or of in kind.agents)
+    return next((kind.id for kind in kinds if mark in (kind.id, *kind.marks)), None)
 
 
 @cache
@@ -254,10 +254,10 @@ def _get_key(kind: Kind) -> str:
 
 def list_values(annotations: Any) -> Iterator[Any]:
     """The values that the literals and kinds in types allow."""
-    for each in annotations:
-        if get_origin(each) is Literal:
-            yield from get_args(each)
-        elif isinstance(each, KindOf):
-            yield from each.list_names()
+    for annotation in annotations:
+        if get_origin(annotation) is Literal:
+            yield from get_args(annotation)
+        elif isinstance(annotation, KindOf):
+            yield from annotation.list_names()
         else:
-            yield from list_values(get_args(each))
+            yield from list_values(get_args(annotation))

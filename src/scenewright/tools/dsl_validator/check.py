@@ -90,7 +90,7 @@ def _find_problem(
 
 def _find_missing_place(clause: AgentMotion, landmarks: Landmarks) -> str | None:
     """What a motion needs on the way of the agent, and the way lacks."""
-    traits = next(each.traits for each in list_kinds("motion") if each.clause == clause.clause)
+    traits = next(kind.traits for kind in list_kinds("motion") if kind.clause == clause.clause)
     if "at_light" in traits and not landmarks.group:
         return "there is no light on its way"
     return "does not cross the road" if "on_road" in traits and landmarks.line is None else None

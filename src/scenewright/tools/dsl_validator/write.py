@@ -70,7 +70,7 @@ def _list_clauses(facts: Mapping[str, Any]) -> list[Clause]:
     found: list[Clause] = []
     for relation in facts["relations"]:
         clauses = _list_relation_clauses(get_pattern(relation["pattern"]), relation)
-        found += [_adapt_headway(each, relation, facts["relations"]) for each in clauses]
+        found += [_adapt_headway(clause, relation, facts["relations"]) for clause in clauses]
     for each in facts.get("measures", ()):
         found = _add_measure(Measure.model_validate(each), found)
     for agent in facts["agents"]:
@@ -94,8 +94,8 @@ def _adapt_headway(
 ) -> Clause:
     """The clause, if it is a headway, as what else happens to the leader allows it."""
     pair = {follow["from"], follow["to"]}
-    hits = [each for each in relations if each["type"] == "collide_at"]
-    hits = [each for each in hits if follow["to"] in (each["from"], each["to"])]
+    hits = [relation for relation in relations if relation["type"] == "collide_at"]
+    hits = [hit for hit in hits if follow["to"] in (hit["from"], hit["to"])]
     if not isinstance(clause, Headway) or not hits:
         return clause
     waits = any(r["type"] == "yield_to" and r["from"] == follow["to"] for r in relations)
@@ -119,12 +119,12 @@ def _add_measure(measure: Measure, clauses: list[Clause]) -> list[Clause]:
     if measure.other is not None:
         agents = {"first": measure.agent, "second": measure.other}
     written = [  # of that name, and about these agents in either order
-        each
-        for each in clauses
-        if each.clause == name
-        and {getattr(each, key, None) for key in agents} == set(agents.values())
+        clause
+        for clause in clauses
+        if clause.clause == name
+        and {getattr(clause, key, None) for key in agents} == set(agents.values())
     ]
-    kept = [each for each in clauses if each not in written]
+    kept = [clause for clause in clauses if clause not in written]
     if name == "brakes_for" and not written:
         # Without hard braking, the figure is looked at on what comes about.
         return [*kept, _build_figure("ttc", agents, measure)]
@@ -154,13 +154,13 @@ def _list_relation_clauses(pattern: Pattern, relation: dict[str, Any]) -> list[C
         strikes = relation[pattern.striker] if pattern.striker else None
         strikes = relation.get("strikes") or strikes
         return [*found, *order, *_put_first(Strikes, relation, strikes)]
-    if any(isinstance(each, StopsBehind) for each in clauses):
+    if any(isinstance(clause, StopsBehind) for clause in clauses):
         if (ttc := relation["target_ttc"]) is None:
             return clauses
         low, high = _widen(ttc, _TTC_BAND)
         return [
-            _change(each, low=low, high=high) if isinstance(each, StopsBehind) else each
-            for each in clauses
+            _change(clause, low=low, high=high) if isinstance(clause, StopsBehind) else clause
+            for clause in clauses
         ]
     if relation["type"] == "near_miss":
         return _adapt_near_miss([*clauses, *order], relation, first=first)
@@ -174,10 +174,10 @@ def _fill_pattern(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
     lines = "\n".join(pattern.fill(line, **names) for line in pattern.clauses)
     parts = {relation["from"]: relation["striker"], relation["to"]: relation["struck"]}
     return [
-        _change(each, first=parts[each.first], second=parts[each.second])
-        if isinstance(each, Contact) and not has_trait("collision", each.kind, "no_order")
-        else each
-        for each in parse(lines).clauses
+        _change(clause, first=parts[clause.first], second=parts[clause.second])
+        if isinstance(clause, Contact) and not has_trait("collision", clause.kind, "no_order")
+        else clause
+        for clause in parse(lines).clauses
     ]
 
 
@@ -200,7 +200,7 @@ def _adapt_near_miss(
         return clauses
     # An agent that brakes lets the other pass first; the clause for that says so by itself.
     dropped = (TimeGap, BrakesFor, Before) if brakes else (TimeGap,)
-    kept = [each for each in clauses if not isinstance(each, dropped)]
+    kept = [clause for clause in clauses if not isinstance(clause, dropped)]
     if brakes:
         kept.append(_build_brakes_for(relation, ttc, first=first))
     return kept if pet is None else [*kept, _build_time_gap(relation, pet)]

@@ -158,7 +158,7 @@ class _Assembly:
             for k, mapped in self.crossings.by_leg.items()
         ]
         self.extent = _choose_extent(self.legs, extent, max(reaches, default=0.0))
-        pairs = [(each, self._find_leg_pair(each)) for each in survey.connections]
+        pairs = [(connection, self._find_leg_pair(connection)) for connection in survey.connections]
         self.connections = [each for each, (entry, exit_) in pairs if entry != exit_]
         if len(self.connections) < len(pairs):
             self._add_note("ways that turn back into their own leg were dropped")
@@ -166,7 +166,10 @@ class _Assembly:
             raise InputError(f"{survey.title} has no way for vehicles from one leg to another")
         self.names = name_legs(
             self.legs,
-            [(*self._find_leg_pair(each), self._measure_turn(each)) for each in self.connections],
+            [
+                (*self._find_leg_pair(connection), self._measure_turn(connection))
+                for connection in self.connections
+            ],
         )
         self.lane_names = {
             lane.id: f"{name}:{side}:{n}"
@@ -259,7 +262,7 @@ class _Assembly:
                 stop = placed.distance + placed.width / 2 + ground.STOP_GAP
             return _take_last_run(line, self._is_inside(line) & (ahead >= stop))
         # On to a mapped crosswalk along its straightest way if that lies inside.
-        ways = [each for each in self.connections if each.approach == lane.id]
+        ways = [connection for connection in self.connections if connection.approach == lane.id]
         if ways:
             onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
             line = np.concatenate([line, onwards])
@@ -280,10 +283,10 @@ class _Assembly:
     def whole(self) -> list[FloatArray]:
         """By connection: its path from map edge to map edge, smoothed."""
         found = []
-        for each in self.connections:
-            before, after = self.extended[each.approach], self.extended[each.exit]
+        for connection in self.connections:
+            before, after = self.extended[connection.approach], self.extended[connection.exit]
             # Without the corners that readers leave where pieces meet; a point every half metre.
-            even = resample_by_spacing(np.concatenate([before, each.line, after]), 0.5)
+            even = resample_by_spacing(np.concatenate([before, connection.line, after]), 0.5)
             smooth = smooth_gaussian(even, 3.0)
             line = round_curves(smooth)
             self.rounded += line is not smooth  # it was sharper than cars can drive
@@ -505,12 +508,12 @@ class _Assembly:
         """What was read, derived and assumed of the map."""
         side, kept = self.survey.side, len(self.connections)
         back = sum(
-            measure_length(each.line) < _LONGEST_U_TURN
-            for each in self.survey.connections
-            if each not in self.connections
+            measure_length(connection.line) < _LONGEST_U_TURN
+            for connection in self.survey.connections
+            if connection not in self.connections
         )
         held = kept + back + self.survey.lost
-        added = sum(each.is_added for each in self.connections)
+        added = sum(connection.is_added for connection in self.connections)
         lanes = ReportItem("lanes", "read", 1.0, "as drawn")
         if map_format == "osm":
             lanes = ReportItem("lanes", "partly read", 0.5, "guessed where the file has no tags")

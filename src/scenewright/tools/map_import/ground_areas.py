@@ -81,7 +81,9 @@ class CrosswalkPlacement:
             corners: see `build_crossing_line`.
         """
         half = self.width / 2
-        strips = [geos.LineString(each).buffer(half, cap_style="square") for each in self.refuges]
+        strips = [
+            geos.LineString(refuge).buffer(half, cap_style="square") for refuge in self.refuges
+        ]
         islands = [
             geos.Point(self._step_off(i)).buffer(2 * _STEP_OFF).difference(road)
             for i, corner in enumerate(corners)
@@ -144,9 +146,10 @@ def build_road(
     paved = geos.union_all(
         [
             geos.Polygon(
-                each.exterior, [h for h in each.interiors if geos.Polygon(h).area > smallest_island]
+                polygon.exterior,
+                [h for h in polygon.interiors if geos.Polygon(h).area > smallest_island],
             )
-            for each in list_polygons(road)
+            for polygon in list_polygons(road)
         ]
     )
     return max(list_polygons(paved), key=lambda p: float(p.area)).simplify(0.02)

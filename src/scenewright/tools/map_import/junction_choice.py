@@ -153,7 +153,9 @@ def find_streets(
 ) -> list[Junction]:
     """The junctions of which each of the streets is a leg."""
     wanted = [expand_name(street) for street in streets]
-    own = [(each, [f" {expand_name(x)} " for x in each.streets if x]) for each in junctions]
+    own = [
+        (junction, [f" {expand_name(x)} " for x in junction.streets if x]) for junction in junctions
+    ]
     found = [
         each
         for each, names in own
@@ -177,7 +179,7 @@ def _find_nearest(
     origin = junctions[0].origin
     xy = center if origin is None else tuple(project_to_metres(origin, center))
     distance, nearest = min(
-        ((math.dist(each.xy, xy), each) for each in junctions),
+        ((math.dist(junction.xy, xy), junction) for junction in junctions),
         key=lambda pair: (pair[0], pair[1].id),
     )
     if distance > _MAX_DISTANCE:

@@ -76,7 +76,7 @@ def group_junctions(
         places: [2] by node [m].
         origin: latitude and longitude of x = y = 0.
     """
-    pieces = [each for each in pieces if measure_length(each.line) > 0.01]
+    pieces = [piece for piece in pieces if measure_length(piece.line) > 0.01]
     at: dict[str, list[StreetPiece]] = defaultdict(list)
     for piece in pieces:
         at[piece.start].append(piece)
@@ -121,9 +121,9 @@ def group_junctions(
 def _count_arms(pieces: Iterable[StreetPiece]) -> int:
     """Ends of pieces at a node; the two directions of one street count once."""
     ends = {
-        (frozenset((each.start, each.end)), round(measure_length(each.line))) for each in pieces
+        (frozenset((piece.start, piece.end)), round(measure_length(piece.line))) for piece in pieces
     }
-    return len(ends) + sum(each.start == each.end for each in pieces)
+    return len(ends) + sum(piece.start == piece.end for piece in pieces)
 
 
 def _find_slips(
@@ -163,9 +163,9 @@ def _find_sides(
     """Sides of small triangles of streets, which as a rule stand round an island."""
     ends = {node: joined[node] for node in branching}
     sides = {
-        frozenset((ends[each.start], ends[each.end]))
-        for each in pieces
-        if {each.start, each.end} <= branching and measure_length(each.line) < _TRIANGLE
+        frozenset((ends[piece.start], ends[piece.end]))
+        for piece in pieces
+        if {piece.start, piece.end} <= branching and measure_length(piece.line) < _TRIANGLE
     }
     pairs = sorted(tuple(sorted(side)) for side in sides if len(side) == 2)
     beside: dict[str, set[str]] = defaultdict(set)

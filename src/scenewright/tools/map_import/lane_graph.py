@@ -138,7 +138,7 @@ class LaneGraph:
 
     @cached_property
     def _tree(self) -> Any:
-        return geos.STRtree([geos.LineString(each.line) for each in self.lanes.values()])
+        return geos.STRtree([geos.LineString(lane.line) for lane in self.lanes.values()])
 
     def list_on(self, place: Any) -> list[str]:
         """The lanes with a middle that meets a geometry."""

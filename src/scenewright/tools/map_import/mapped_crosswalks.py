@@ -161,9 +161,9 @@ def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoic
     # Ways that no file draws say little of where a crossing lies, but for lanes without another.
     drawn = {x for way in survey.connections if not way.is_added for x in (way.approach, way.exit)}
     ways = [
-        _Way.join(survey, each, leg_of_lane)
-        for each in survey.connections
-        if not (each.is_added and {each.approach, each.exit} <= drawn)
+        _Way.join(survey, connection, leg_of_lane)
+        for connection in survey.connections
+        if not (connection.is_added and {connection.approach, connection.exit} <= drawn)
     ]
     found: dict[int, list[LegCrossing]] = {}
     left_out: list[tuple[SurveyCrossing, int | None, str]] = []
@@ -181,7 +181,7 @@ def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoic
         stages = _choose_stages(own, legs[k])
         by_leg[k] = MappedCrosswalk(tuple(stages))
         for x in (each for each in own if each not in stages):
-            near = min(math.dist(x.middle, each.middle) for each in stages)
+            near = min(math.dist(x.middle, stage.middle) for stage in stages)
             why = f"a leg has one crosswalk here; this one lies {near:.0f} m from the one taken"
             if near < _SAME_PLACE:
                 why = f"is drawn twice, {near:.1f} m beside the one taken"

@@ -91,7 +91,7 @@ def _read(element: Any, name: str) -> float:
 
 def _build_road(element: Any) -> OpenDriveRoad | None:
     pieces = [_trace_geometry(each) for each in element.iter("geometry")]
-    pieces = [each for each in pieces if each is not None]
+    pieces = [piece for piece in pieces if piece is not None]
     if not pieces:
         return None
     stations, x, y, headings = (np.concatenate(column) for column in zip(*pieces, strict=True))

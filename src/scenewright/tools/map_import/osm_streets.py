@@ -96,7 +96,7 @@ def list_osm_junctions(file: Path) -> tuple[tuple[Junction, ...], tuple[FloatArr
         pieces[own[0]], pieces[own[1]] = joined, None
         for other in (joined.start, joined.end):
             at[other] = [own[0] if k == own[1] else k for k in at[other]]
-    found = group_junctions(places, [each for each in pieces if each is not None], origin)
+    found = group_junctions(places, [piece for piece in pieces if piece is not None], origin)
     return tuple(found), tuple(piece.line for piece in cut)
 
 

@@ -106,7 +106,7 @@ def _read_argoverse2(file: Path) -> _Found:
 
 
 def _list_points(points: Sequence[Any]) -> FloatArray:
-    return _clean(np.array([(float(each["x"]), float(each["y"])) for each in points]))
+    return _clean(np.array([(float(point["x"]), float(point["y"])) for point in points]))
 
 
 def _read_womd(file: Path) -> _Found:
@@ -122,20 +122,20 @@ def _read_womd(file: Path) -> _Found:
     except DecodeError:
         raise InputError(f"{file} is no file of Waymo's Scenario records") from None
     lanes = []
-    for each in scenario.map_features:
-        if each.HasField("lane") and each.lane.type in _WAYMO_STREETS:
-            mph = each.lane.speed_limit_mph
+    for feature in scenario.map_features:
+        if feature.HasField("lane") and feature.lane.type in _WAYMO_STREETS:
+            mph = feature.lane.speed_limit_mph
             limit = round(1.609344 * mph) / 3.6 if mph > 0 else USUAL_LIMIT
-            lines = _list_lines(each.lane.polyline)
-            lanes += [FileLane(str(each.id), *_widen(line), speed=limit) for line in lines]
+            lines = _list_lines(feature.lane.polyline)
+            lanes += [FileLane(str(feature.id), *_widen(line), speed=limit) for line in lines]
     crossings = [
-        build_area_crossing(np.array([(p.x, p.y) for p in each.crosswalk.polygon]))
-        for each in scenario.map_features
-        if each.HasField("crosswalk") and len(each.crosswalk.polygon) >= 4
+        build_area_crossing(np.array([(p.x, p.y) for p in feature.crosswalk.polygon]))
+        for feature in scenario.map_features
+        if feature.HasField("crosswalk") and len(feature.crosswalk.polygon) >= 4
     ]
     others = sum(
-        each.HasField("lane") and each.lane.type not in _WAYMO_STREETS
-        for each in scenario.map_features
+        feature.HasField("lane") and feature.lane.type not in _WAYMO_STREETS
+        for feature in scenario.map_features
     )
     return lanes, crossings, others
 

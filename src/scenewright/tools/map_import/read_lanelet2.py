@@ -237,13 +237,13 @@ def read_crossings(elements: FileElements, crosswalks: Sequence[FileLane]) -> li
     """Crossings in metres: crosswalk lanelets, and marks that are not such a lanelet's."""
     lanelets = [
         SurveyCrossing(
-            each.line[[0, -1]], float(np.clip(each.width, 1.0, 12.0)),
-            source=f"crosswalk lanelet {each.id}",
+            crosswalk.line[[0, -1]], float(np.clip(crosswalk.width, 1.0, 12.0)),
+            source=f"crosswalk lanelet {crosswalk.id}",
         )
-        for each in crosswalks
+        for crosswalk in crosswalks
     ]  # fmt: skip
     drawn = _pair_marks(dict(_list_marks(elements)))
-    places = [each.line.mean(axis=0) for each in lanelets]
+    places = [lanelet.line.mean(axis=0) for lanelet in lanelets]
     return [
         *lanelets,
         *(

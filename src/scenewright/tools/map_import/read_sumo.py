@@ -107,8 +107,8 @@ def read_streets(
             return replace(found, drawn=keep_near(shapes, middle))
         crossings = list_opendrive_crossings(drive, middle)
         lights = list_opendrive_lights(drive, middle)
-        shapes["crossings"] = [each.line + middle for each in crossings]
-        shapes["lights"] = [each.place + middle for each in lights]
+        shapes["crossings"] = [crossing.line + middle for crossing in crossings]
+        shapes["lights"] = [light.place + middle for light in lights]
         return _add_features(found, crossings, lights, shapes)
 
     roads = (_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e))
@@ -356,11 +356,13 @@ def _survey_nodes(
         connections += ways
     used = {way.approach for way in connections}, {way.exit for way in connections}
     # Only nodes that a way leads through: streets that lead nowhere end at others.
-    ways = geos.union_all([geos.LineString(each.line) for each in connections])
+    ways = geos.union_all([geos.LineString(connection.line) for connection in connections])
     moved = [outline - middle for outline in outlines]
     names = sorted({*map(_read_street, (*roads_in, *roads_out))} - {""})
     crossings = tuple(each for node in nodes for each in _read_crossings(net, node, middle))
-    lights = {each.light for each in connections} | {each.light for each in crossings}
+    lights = {connection.light for connection in connections} | {
+        crossing.light for crossing in crossings
+    }
     phases = _read_phases(net, {light for light in lights if light is not None})
     return Survey(
         title=_choose_title(names, group),

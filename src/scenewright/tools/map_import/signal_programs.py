@@ -97,11 +97,11 @@ def build_signal_program(
             add_note(
                 f"signals: {a} and {b} have green together although their ways straight on cross"
             )
-    free = {each.id: _find_free_steps(each, steps, given) for each in crosswalks}
+    free = {crosswalk.id: _find_free_steps(crosswalk, steps, given) for crosswalk in crosswalks}
     crosswalks = [
-        each
-        for each in crosswalks
-        if any(f and step.may_begin for f, step in zip(free[each.id], steps, strict=True))
+        crosswalk
+        for crosswalk in crosswalks
+        if any(f and step.may_begin for f, step in zip(free[crosswalk.id], steps, strict=True))
     ]
     groups = [
         SignalGroup(id=f"{leg}", movements=tuple(m.id for m in movements if m.entry == leg))

@@ -136,14 +136,14 @@ def read_lanes(held: LaneGraph, side: DrivingSide | None) -> JunctionOverview:
     """
     if not held.lanes:
         raise InputError(f"{held.file} has no lanes for vehicles")
-    lines = [each.line for each in held.lanes.values()]
+    lines = [lane.line for lane in held.lanes.values()]
     surveys = _survey_places(held)
 
     def survey(chosen: Junction) -> Survey:
         drawn = {
             "roads": [bound for x in held.lanes.values() for bound in (x.left, x.right)],
             "paths": [bound for x in held.foot for bound in (x.left, x.right)],
-            "crossings": [each.line for each in held.crossings],
+            "crossings": [crossing.line for crossing in held.crossings],
             "lights": held.lights,
         }
         found = surveys[chosen]
@@ -224,12 +224,12 @@ def _survey_junction(held: LaneGraph, grounds: _Grounds) -> Survey:
                 measure_distances(np.array([approaches[a][-1], exits[b][0]]), line).argmin(axis=1)
             ]
         ),
-        crossings=tuple(each.move(-middle) for each in held.crossings),
+        crossings=tuple(crossing.move(-middle) for crossing in held.crossings),
         areas=tuple(lanes[name].outline - middle for name in used),
         origin=None if held.origin is None else project_to_degrees(held.origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         file_origin=held.origin,
-        lights=tuple(SurveyLight(each - middle) for each in held.lights),
+        lights=tuple(SurveyLight(light - middle) for light in held.lights),
         is_roundabout=is_roundabout,
         lost=cut_off + unused,
         notes=notes,
@@ -307,10 +307,10 @@ def _go_straight(
         here = held.lanes[names[-1]].line[::step]
         reach += measure_length(here)
         turns = []
-        for each in onwards[names[-1]]:
-            line = held.lanes[each].line[::step]
+        for onward in onwards[names[-1]]:
+            line = held.lanes[onward].line[::step]
             turn = measure_turn(here[-1] - here[-2], line[: _AHEAD + 1][-1] - line[0])
-            turns.append((abs(turn), each))
+            turns.append((abs(turn), onward))
         if not turns or reach > _LONGEST_APPROACH or min(turns)[1] in names:
             return names[::step]
         names.append(min(turns)[1])

@@ -236,7 +236,7 @@ def is_in_zone(
 ) -> bool:
     """Whether a place [m] lies in a zone of the map; `on_foot`: one of the two walks."""
     ground, point = get_ground_raster(intersection_map), geos.Point(place)
-    marked = any(each.area.distance(point) <= ON_CROSSWALK for each in ground.crosswalks)
+    marked = any(crosswalk.area.distance(point) <= ON_CROSSWALK for crosswalk in ground.crosswalks)
     on_road = bool(ground.road.contains(np.array([place]))[0])
     match zone:
         case "crosswalk":
@@ -245,8 +245,8 @@ def is_in_zone(
             return not marked and bool(ground.walkable.contains(np.array([place]))[0])
         case "conflict":
             # The lanes of the legs lie outside the junction.
-            legs = (each for each in intersection_map.lanelets if each.kind != "connector")
-            areas = (geos.Polygon([*each.left, *reversed(each.right)]) for each in legs)
+            legs = (lanelet for lanelet in intersection_map.lanelets if lanelet.kind != "connector")
+            areas = (geos.Polygon([*leg.left, *reversed(leg.right)]) for leg in legs)
             return on_road and not any(area.intersects(point) for area in areas)
         case "roadway":
             return on_road and not (on_foot and marked)

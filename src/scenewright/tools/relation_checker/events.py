@@ -126,9 +126,9 @@ class SceneObservation:
     def encounters_by_pair(self) -> dict[frozenset[int], list[Encounter]]:
         """Encounters by the ids of their two movers."""
         table: dict[frozenset[int], list[Encounter]] = {}
-        for each in self.encounters:
-            pair = frozenset((self.ids[each.first], self.ids[each.second]))
-            table.setdefault(pair, []).append(each)
+        for encounter in self.encounters:
+            pair = frozenset((self.ids[encounter.first], self.ids[encounter.second]))
+            table.setdefault(pair, []).append(encounter)
         return table
 
     def find_closest(self, pair: Collection[int]) -> Encounter | None:
@@ -279,7 +279,9 @@ class _EventSearch:
         pairs, braked = grid.table.pairs, self._find_braked_pairs()
         # Rows of the pairs that may have an event; many others never have to do with another.
         waits = np.array(self._cut_off, dtype=np.bool_)[pairs].any(axis=1)
-        wanted = grid.find_rows([(each.first, each.second) for each in self.observed.encounters])
+        wanted = grid.find_rows(
+            [(encounter.first, encounter.second) for encounter in self.observed.encounters]
+        )
         wanted |= self._crossed.any(axis=1)
         wanted |= waits & grid.find_rows([(self._index[a], self._index[b]) for a, b in self.asked])
         # One rides, the other drives.
@@ -381,7 +383,9 @@ class _EventSearch:
             if self.intersection_map is None or other.is_vehicle:
                 return False
             xy, _ = other.at(np.array([time]))
-            walks = (each.area for each in get_ground_raster(self.intersection_map).crosswalks)
+            walks = (
+                crosswalk.area for crosswalk in get_ground_raster(self.intersection_map).crosswalks
+            )
             return other.start <= time <= other.end and any(
                 w.intersects(zone) and w.intersects(geos.Point(xy[0])) for w in walks
             )
@@ -397,9 +401,9 @@ class _EventSearch:
         """Whether the giver waits for yet another agent that a relation binds it to."""
         partners = {a if b == giver.id else b for a, b in self.asked if giver.id in (a, b)}
         for partner in partners - {other.id}:
-            for each in self._list_encounters(giver, self.observed.by_id[partner]):
-                times = (each.first_time, each.second_time)
-                own, theirs = times if self.tracks[each.first] is giver else times[::-1]
+            for encounter in self._list_encounters(giver, self.observed.by_id[partner]):
+                times = (encounter.first_time, encounter.second_time)
+                own, theirs = times if self.tracks[encounter.first] is giver else times[::-1]
                 if time - 4.0 <= theirs < own:
                     return True
         return False

@@ -110,9 +110,10 @@ def examine_recording(
         found += events
         implausible += find_implausible_collisions(events, observed)
         contacts += [
-            each
-            for each in find_contacts(observed)
-            if begin <= (each.time or 0.0) < end and len({tracks.names[n] for n in each.agents}) > 1
+            contact
+            for contact in find_contacts(observed)
+            if begin <= (contact.time or 0.0) < end
+            and len({tracks.names[n] for n in contact.agents}) > 1
         ]
         harmful = [e for e in events if e.type in ("collision", "near_miss")]
         if len(harmful) <= MOST_AVOIDED:

@@ -109,9 +109,9 @@ def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
         if known is intersection_map:
             return ground
     road = geos.union_all([_build_polygon(p) for p in intersection_map.road])
-    walks = tuple(_build_crosswalk(each) for each in intersection_map.crosswalks)
+    walks = tuple(_build_crosswalk(crosswalk) for crosswalk in intersection_map.crosswalks)
     footways = [_build_polygon(p) for p in intersection_map.walkable]
-    walkable = geos.union_all([*footways, *(each.area for each in walks)])
+    walkable = geos.union_all([*footways, *(walk.area for walk in walks)])
     walkable = walkable.buffer(KERB, quad_segs=2)
     routes = {
         r.id: (r.type, r.entry, r.exit, r.movement, r.crosswalk) for r in intersection_map.routes

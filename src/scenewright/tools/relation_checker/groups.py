@@ -41,7 +41,7 @@ def find_group_events(
         for relation in relations
         for pair in list_group_pairs((relation.from_, relation.to), groups)
     }
-    kinds = {(each.type, frozenset((each.from_, each.to))) for each in events} & wanted
+    kinds = {(event.type, frozenset((event.from_, event.to))) for event in events} & wanted
     return frozenset(
         k for k, e in enumerate(events) if (e.type, frozenset((e.from_, e.to))) in kinds
     )
@@ -68,8 +68,8 @@ def check_groups(agents: Sequence[AgentRecord], observed: SceneObservation) -> t
     records = {agent.id: agent for agent in agents}
     found: list[Finding] = []
     for leader, members in list_groups(agents).items():
-        routes = {records[each].route for each in members if each in records}
-        strays = [each for each in members if _strays(each, members, observed)]
+        routes = {records[member].route for member in members if member in records}
+        strays = [member for member in members if _strays(member, members, observed)]
         led = leader in records and records[leader].group is None
         if not led or len(routes) > 1 or strays:
             detail = f"the group of agent {leader} does not walk together on one route"

@@ -185,7 +185,7 @@ def find_false_metadata(
 ) -> tuple[Finding, ...]:
     """What contradicts the map, or another part of the same file."""
     named = {number for entry in scene.said for number in entry.agents}
-    bound = named.union(*({each.from_, each.to} for each in scene.relations))
+    bound = named.union(*({relation.from_, relation.to} for relation in scene.relations))
     rows: list[tuple[tuple[int, ...], str]] = []
     rows += [((), detail) for detail in _check_meta(scene, intersection_map)]
     for agent in scene.agents:
@@ -206,7 +206,9 @@ def find_false_metadata(
             detail = f"agents {other} and {agent.id} have the same name {agent.name!r}"
             rows.append(((other, agent.id), detail))
     # What the account says was asked for stands among the relations.
-    asked = {(each.type, frozenset((each.from_, each.to))) for each in scene.relations}
+    asked = {
+        (relation.type, frozenset((relation.from_, relation.to))) for relation in scene.relations
+    }
     for entry in scene.said:
         event = EVENT_OF_RELATION.get(entry.value or "") if entry.became == "relation" else None
         if event is not None and (event, frozenset(entry.agents)) not in asked:
@@ -278,7 +280,9 @@ def find_false_behavior(
     """Agents whose waypoints, crosswalk or segments their track does not bear out."""
     collided = {n for e in events if e.type == "collision" for n in (e.from_, e.to)}
     collided |= {
-        each.agent for each in scene.encounters if has_trait("encounter", each.how, "ends")
+        encounter.agent
+        for encounter in scene.encounters
+        if has_trait("encounter", encounter.how, "ends")
     }
     return tuple(
         Finding(rule=rule, agents=(agent.id,), detail=f"{agent.type} {agent.id}: {reason}")
@@ -352,19 +356,19 @@ def _check_crosswalk(
     agent: AgentRecord, track: Trajectory, points: FloatArray, intersection_map: IntersectionMap
 ) -> Iterator[str]:
     walks = get_ground_raster(intersection_map).crosswalks
-    own = [each.area for each in walks if each.crosswalk.leg == agent.crosswalk]
+    own = [walk.area for walk in walks if walk.crosswalk.leg == agent.crosswalk]
     if own and not any(geos.intersects(area, geos.LineString(points)) for area in own):
         yield f"its waypoints do not lead over the {agent.crosswalk} crosswalk"
     if len(track.xy) < 2:
         return
     west, south, east, north = track.bounds
-    for each in walks:
-        low_x, low_y, high_x, high_y = each.bounds
+    for walk in walks:
+        low_x, low_y, high_x, high_y = walk.bounds
         away = west > high_x or east < low_x or south > high_y or north < low_y
-        if away or each.crosswalk.leg == agent.crosswalk:
+        if away or walk.crosswalk.leg == agent.crosswalk:
             continue
-        if float(geos.intersection(each.area, geos.LineString(track.xy)).length) > 1.0:
-            yield f"it walks on the {each.crosswalk.leg} crosswalk, not the {agent.crosswalk} one"
+        if float(geos.intersection(walk.area, geos.LineString(track.xy)).length) > 1.0:
+            yield f"it walks on the {walk.crosswalk.leg} crosswalk, not the {agent.crosswalk} one"
 
 
 def _check_segments(agent: AgentRecord, track: Trajectory, collided: bool) -> Iterator[str]:

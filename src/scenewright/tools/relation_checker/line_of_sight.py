@@ -87,10 +87,10 @@ def find_blocked_views(
     """[T] whether nothing of the subject can be seen: every line to it meets a high footprint."""
     eyes, marks = locate_eyes(observer, times, left_hand=left_hand), locate_marks(subject, times)
     met = np.zeros(marks.shape[:2], dtype=np.bool_)
-    for each in objects:
-        if each.height == "high":
-            place = np.array([(each.x, each.y)]), np.array([each.heading])
-            _mark_met(met, eyes, marks, *place, each.length, each.width)
+    for scene_object in objects:
+        if scene_object.height == "high":
+            place = np.array([(scene_object.x, scene_object.y)]), np.array([scene_object.heading])
+            _mark_met(met, eyes, marks, *place, scene_object.length, scene_object.width)
     table = _tabulate_bounds(tuple(vehicles))
     # Vehicles that never come between the two are left out at once.
     views = np.concatenate((eyes, marks.reshape(-1, 2)))

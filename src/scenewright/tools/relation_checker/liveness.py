@@ -30,7 +30,7 @@ def check_liveness(
     Args:
         background: their ids.
     """
-    hits = [each for each in observed.events if each.type == "collision"]
+    hits = [event for event in observed.events if event.type == "collision"]
     wrecks = {agent for each in hits for agent in (each.from_, each.to)}
     found, lights = [], observed.lights
     for track in observed.tracks:
@@ -87,4 +87,4 @@ def find_standstills(track: Trajectory) -> list[tuple[float, float]]:
         (float(track.times[begin]), float(track.times[end - 1]))
         for begin, end in find_runs(track.speed <= STANDING)
     ]
-    return [each for each in spans if each[1] - each[0] >= LEAST_STAND - 1e-6]
+    return [span for span in spans if span[1] - span[0] >= LEAST_STAND - 1e-6]

@@ -52,12 +52,14 @@ class MeasuredFigures:
     ) -> tuple[tuple[Finding, ...], list[dict[str, Any]]]:
         """A finding for every measure that the tracks do not show, and what each measured."""
         findings, found = [], []
-        for each in measures:
-            values = self.measure(each)
-            own = {"kind": each.kind, "agent": each.agent, "other": each.other}
+        for measure in measures:
+            values = self.measure(measure)
+            own = {"kind": measure.kind, "agent": measure.agent, "other": measure.other}
             found.append(own | {"values": [round(value, 3) for value in values]})
-            if (detail := _find_shortfall(each, values)) is not None:
-                agents = (each.agent,) if each.other is None else (each.agent, each.other)
+            if (detail := _find_shortfall(measure, values)) is not None:
+                agents = (
+                    (measure.agent,) if measure.other is None else (measure.agent, measure.other)
+                )
                 findings.append(Finding(rule="measure_not_met", agents=agents, detail=detail))
         return tuple(findings), found
 
@@ -144,14 +146,14 @@ class MeasuredFigures:
         if self._map is None:
             return ()
         marks = [geos.LineString(line.line) for line in self._map.stop_lines]
-        marks += [each.area for each in get_ground_raster(self._map).crosswalks]
+        marks += [crosswalk.area for crosswalk in get_ground_raster(self._map).crosswalks]
         found: list[float] = []
         for start, end in self._find_wait(track):
             xy, heading = track.at(np.array([(start + end) / 2]))
             ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
             front = xy[0] + track.nose * ahead
             ray = geos.LineString([front, front + SIGHT * ahead])
-            met = [geos.intersection(ray, each) for each in marks]
+            met = [geos.intersection(ray, mark) for mark in marks]
             apart = [each.distance(geos.Point(front)) for each in met if not each.is_empty]
             found += [min(apart)] if apart else []
         return tuple(found)

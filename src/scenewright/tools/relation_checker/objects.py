@@ -49,17 +49,25 @@ def read_objects(scene: SceneRecord) -> tuple[ObjectRecord, ...]:
     Raises:
         InputError: an id twice, a size that is none, a line of sight that names what is not there.
     """
-    names = [each.id for each in scene.objects]
+    names = [scene_object.id for scene_object in scene.objects]
     if len(set(names)) != len(names):
         raise InputError("objects: an id occurs twice")
-    for each in scene.objects:
-        figures = (each.length, each.width, each.x, each.y, each.heading)
+    for scene_object in scene.objects:
+        figures = (
+            scene_object.length,
+            scene_object.width,
+            scene_object.x,
+            scene_object.y,
+            scene_object.heading,
+        )
         if not all(math.isfinite(value) and abs(value) <= FARTHEST for value in figures):
-            raise InputError(f"{each.id}: a position or size is no usable number")
-        if each.since is not None and not 0.0 <= each.since <= scene.meta.duration:
-            raise InputError(f"{each.id}: it opens at {each.since:g} s, outside of the scene")
-        if not (0.1 <= each.width <= 30.0 and 0.1 <= each.length <= 30.0):
-            raise InputError(f"{each.id}: length and width must be 0.1 to 30 m")
+            raise InputError(f"{scene_object.id}: a position or size is no usable number")
+        if scene_object.since is not None and not 0.0 <= scene_object.since <= scene.meta.duration:
+            raise InputError(
+                f"{scene_object.id}: it opens at {scene_object.since:g} s, outside of the scene"
+            )
+        if not (0.1 <= scene_object.width <= 30.0 and 0.1 <= scene_object.length <= 30.0):
+            raise InputError(f"{scene_object.id}: length and width must be 0.1 to 30 m")
     known = {agent.id for agent in scene.agents}
     for sight in scene.sights:
         stands = {sight.object, sight.between or sight.object} <= set(names)
@@ -67,8 +75,11 @@ def read_objects(scene: SceneRecord) -> tuple[ObjectRecord, ...]:
             raise InputError(f"sights name {sight.object} or an agent, which the scene lacks")
         if sight.observer == sight.subject:
             raise InputError(f"sights name agent {sight.observer} twice")
-    met = [each.agent for each in scene.encounters]
-    if not {each.object for each in scene.encounters} <= set(names) or not set(met) <= known:
+    met = [encounter.agent for encounter in scene.encounters]
+    if (
+        not {encounter.object for encounter in scene.encounters} <= set(names)
+        or not set(met) <= known
+    ):
         raise InputError("encounters name an object or an agent that the scene lacks")
     if len(set(met)) < len(met):
         raise InputError("encounters name an agent twice")
@@ -83,13 +94,16 @@ def check_contacts(
 ) -> tuple[Finding, ...]:
     """Every track that touches an object; none may but where that is asked for."""
     found = []
-    for each in objects:
+    for scene_object in objects:
         for track in tracks:
-            if (track.id, each.id) in asked:
+            if (track.id, scene_object.id) in asked:
                 continue
-            time = find_contact(each, track)
+            time = find_contact(scene_object, track)
             if time is not None:
-                what = f"{track.type} {track.id} touches {each.id} ({each.kind}) at {time:.1f} s"
+                what = (
+                    f"{track.type} {track.id} touches {scene_object.id} ({scene_object.kind}) "
+                    f"at {time:.1f} s"
+                )
                 found.append(Finding(
                     rule="object_contact", agents=(track.id,), time=round(time, 3), measured=0.0,
                     detail=what,
@@ -125,7 +139,7 @@ def check_places(
     objects: Sequence[ObjectRecord], intersection_map: IntersectionMap | None
 ) -> tuple[Finding, ...]:
     """Objects that overlap, stand on a crosswalk or off the ground of the map."""
-    outlines = {each.id: _make_outline(each) for each in objects}
+    outlines = {scene_object.id: _make_outline(scene_object) for scene_object in objects}
     found = [
         _report_place(a, f"overlaps {b.id}")
         for a, b in combinations(objects, 2)
@@ -133,22 +147,24 @@ def check_places(
     ]
     if intersection_map is None or not objects:
         return tuple(found)
-    crosswalks = [geos.Polygon(each.polygon) for each in intersection_map.crosswalks]
+    crosswalks = [geos.Polygon(crosswalk.polygon) for crosswalk in intersection_map.crosswalks]
     areas = (*intersection_map.road, *intersection_map.walkable)
     ground = geos.unary_union([geos.Polygon(a.exterior, a.holes) for a in areas])
-    for each in objects:
-        outline = outlines[each.id]
+    for scene_object in objects:
+        outline = outlines[scene_object.id]
         if any(outline.intersection(area).area > 1e-4 for area in crosswalks):
-            found.append(_report_place(each, "stands on a crosswalk"))
+            found.append(_report_place(scene_object, "stands on a crosswalk"))
         elif outline.intersection(ground).area < 0.95 * outline.area:
-            found.append(_report_place(each, "stands off the road and the sidewalks"))
-        elif each.kind == "door" and not any(
+            found.append(_report_place(scene_object, "stands off the road and the sidewalks"))
+        elif scene_object.kind == "door" and not any(
             outline.distance(outlines[o.id]) <= AT_SIDE
-            for o in objects if o.kind == "parked" and each.id == name_door(o.id)
+            for o in objects if o.kind == "parked" and scene_object.id == name_door(o.id)
         ):  # fmt: skip
-            found.append(_report_place(each, "is at no parked vehicle"))
-        elif each.lane is not None and not _is_outermost(each, intersection_map):
-            found.append(_report_place(each, f"does not stand in the {each.lane} lane"))
+            found.append(_report_place(scene_object, "is at no parked vehicle"))
+        elif scene_object.lane is not None and not _is_outermost(scene_object, intersection_map):
+            found.append(
+                _report_place(scene_object, f"does not stand in the {scene_object.lane} lane")
+            )
     return tuple(found)
 
 
@@ -230,7 +246,7 @@ def _measure(
     pair = observed.by_id[sight.observer], observed.by_id[sight.subject]
     high = {a.id for a in scene.agents if a.type == "vehicle" and a.subtype != "motorcycle"}
     others = [t for t in observed.tracks if t.id in high - {sight.observer, sight.subject}]
-    alone = [each for each in scene.objects if each.id == sight.object]
+    alone = [scene_object for scene_object in scene.objects if scene_object.id == sight.object]
 
     def look(objects: Sequence[ObjectRecord], vehicles: Sequence[Trajectory]) -> Sighting | None:
         return find_first_visible(
@@ -263,7 +279,7 @@ def _find_wrong_gap(
     """Why the pedestrian does not come out between the two objects that it was to."""
     if sight.between is None:
         return None
-    one, two = ({each.id: each for each in scene.objects}[name] for name in
+    one, two = ({scene_object.id: scene_object for scene_object in scene.objects}[name] for name in
                 (sight.object, sight.between))  # fmt: skip
     track = observed.by_id[sight.subject]
     gap = float(_make_outline(one).distance(_make_outline(two)))
@@ -311,17 +327,19 @@ def check_encounters(
 ) -> tuple[list[Measured], tuple[Finding, ...]]:
     """What was measured of every encounter asked for, and what is not as asked."""
     tracks = observed.by_id
-    objects = {each.id: each for each in scene.objects}
+    objects = {scene_object.id: scene_object for scene_object in scene.objects}
     figures: list[Measured] = []
     findings: list[Finding] = []
-    for each in scene.encounters:
-        track, until = tracks[each.agent], scene.meta.duration
-        kind = get_kind("encounter", each.how)
-        things = [objects[each.object]]
-        if has_trait("encounter", each.how, "door"):
-            things = [o for o in scene.objects if o.id == name_door(each.object)]
-        if has_trait("encounter", each.how, "behind_agent"):
-            others = [o for o in scene.encounters if o.object == each.object and o != each]
+    for encounter in scene.encounters:
+        track, until = tracks[encounter.agent], scene.meta.duration
+        kind = get_kind("encounter", encounter.how)
+        things = [objects[encounter.object]]
+        if has_trait("encounter", encounter.how, "door"):
+            things = [o for o in scene.objects if o.id == name_door(encounter.object)]
+        if has_trait("encounter", encounter.how, "behind_agent"):
+            others = [
+                o for o in scene.encounters if o.object == encounter.object and o != encounter
+            ]
             standing = [tracks[o.agent] for o in others if has_trait("encounter", o.how, "stands")]
             # Where their tracks end, as something that stands.
             things = [
@@ -337,15 +355,17 @@ def check_encounters(
         for thing in things:
             found = load_function(str(kind.observe), __package__)(track, thing, until)
             if not isinstance(found, str):
-                found = _find_figure_fault(each, found) or found
+                found = _find_figure_fault(encounter, found) or found
                 break
         if isinstance(found, str):
-            detail = f"agent {each.agent} {kind.shown} {each.object}: {found}"
+            detail = f"agent {encounter.agent} {kind.shown} {encounter.object}: {found}"
             rule = "encounter_not_realised"
-            findings.append(Finding(rule=rule, agents=(each.agent,), detail=detail))
+            findings.append(Finding(rule=rule, agents=(encounter.agent,), detail=detail))
             continue
-        figures.append({"agent": each.agent, "object": each.object, "how": each.how, **found})
-        if has_trait("encounter", each.how, "ends"):
+        figures.append(
+            {"agent": encounter.agent, "object": encounter.object, "how": encounter.how, **found}
+        )
+        if has_trait("encounter", encounter.how, "ends"):
             findings += check_wreck_clearance(
                 track, observed.tracks, {track.id}, scene.meta.duration
             )

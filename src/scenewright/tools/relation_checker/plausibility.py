@@ -134,7 +134,9 @@ def _list_limits(
     """The limits of one class (SEMANTICS sections 5 and 8): vehicles, riders or pedestrians."""
     speed, acceleration = _concatenate(tracks, "speed"), _concatenate(tracks, "acceleration")
     if not tracks[0].is_vehicle:
-        fastest = [RUNNING_SPEED if each.running else PEDESTRIAN_SPEED for each in exceptions]
+        fastest = [
+            RUNNING_SPEED if exception.running else PEDESTRIAN_SPEED for exception in exceptions
+        ]
         yield _MotionLimit("speed", speed, np.repeat(fastest, np.diff(origin)), "m/s")
         change = np.abs(acceleration)
         yield _MotionLimit("acceleration", change, PEDESTRIAN_ACCELERATION, "m/s^2")
@@ -288,8 +290,9 @@ def check_ends(
     for track in tracks if intersection_map.goal_regions else ():
         # A pedestrian may step out of what it begins beside.
         steps_out = track.type == "pedestrian" and any(
-            math.dist(track.xy[0], (each.x, each.y)) <= each.length / 2 + BESIDE_OBJECT
-            for each in objects
+            math.dist(track.xy[0], (scene_object.x, scene_object.y))
+            <= scene_object.length / 2 + BESIDE_OBJECT
+            for scene_object in objects
         )
         late = track.start > STARTS_WITHIN and not steps_out
         early = track.end < until - ENDS_WITHIN and track.id not in collided
@@ -324,7 +327,7 @@ def _find_fault(
     place, time = track.xy[k], float(track.times[k])
     walks = track.type == "pedestrian"
     if not walks:  # ways of vehicles begin or end there, or it is in a goal region of theirs
-        ways = (each.centreline for each in intersection_map.movements)
+        ways = (movement.centreline for movement in intersection_map.movements)
         at_end = any(math.dist(place, end) <= EDGE for way in ways for end in (way[0], way[-1]))
         at_edge = float(np.abs(place).max()) >= intersection_map.extent - EDGE
         if at_edge or at_end or _is_at_goal("vehicle", place, intersection_map):
@@ -336,8 +339,8 @@ def _find_fault(
     if not walks or on_road:
         return "on the carriageway" if walks else "in the middle of the map"
     return next(
-        (f"in view of the {each.type} at {each.time:.1f} s" for each in conflicts
-         if abs(each.time - time) < LEAD and math.dist(place, each.location) < IN_VIEW),
+        (f"in view of the {conflict.type} at {conflict.time:.1f} s" for conflict in conflicts
+         if abs(conflict.time - time) < LEAD and math.dist(place, conflict.location) < IN_VIEW),
         None,
     )  # fmt: skip
 

@@ -36,7 +36,9 @@ SAME_SIZE = 0.05
 def list_pushed(relations: Sequence[RelationRecord]) -> frozenset[int]:
     """The agents that are said to be pushed into another."""
     return frozenset(
-        each.from_ for each in relations if has_trait("manoeuvre", each.manoeuvre, "chain")
+        relation.from_
+        for relation in relations
+        if has_trait("manoeuvre", relation.manoeuvre, "chain")
     )
 
 

@@ -76,7 +76,7 @@ def find_reactions(
     """
     tracks = {track.id: track for track in sights.tracks}
     pushed = list_pushed(scene.relations)
-    excluded = {each.id for each in scene.agents if each.reaction == "none"}
+    excluded = {agent.id for agent in scene.agents if agent.reaction == "none"}
     rows = []
     for event in events:
         both = [(event.from_, event.to), (event.to, event.from_)]
@@ -130,7 +130,7 @@ class Sights:
 
     @cached_property
     def _vehicles(self) -> tuple[Trajectory, ...]:
-        return tuple(each for each in self.tracks if each.type == "vehicle")
+        return tuple(track for track in self.tracks if track.type == "vehicle")
 
     @cached_property
     def perceive(self) -> Callable[[Trajectory, Trajectory, float], Perception]:

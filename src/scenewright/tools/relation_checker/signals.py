@@ -159,10 +159,10 @@ class SignalPlan:
             speed = 5.0 if track.is_vehicle else 1.0
             self._further[track] = extend_straight(track, distance=25.0, speed=speed)
         further = self._further[track]
-        for each in self.find_crossings(further):
-            if each.time > time:
-                there, here = np.interp((each.time, time), further.times, further.s).tolist()
-                return each.light, there - here
+        for crossing in self.find_crossings(further):
+            if crossing.time > time:
+                there, here = np.interp((crossing.time, time), further.times, further.s).tolist()
+                return crossing.light, there - here
         return None, np.inf
 
     def list_green_spans(self, light: str) -> list[tuple[float, float]]:

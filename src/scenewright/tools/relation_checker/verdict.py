@@ -253,9 +253,9 @@ def _check_names(scene: SceneRecord, known: set[int]) -> None:
         for n in (tie.agent, tie.of):
             if n not in known:
                 raise InputError(f"ties name agent {n}, which the scene lacks")
-    for each in scene.measures:
-        if not {each.agent, each.agent if each.other is None else each.other} <= known:
-            raise InputError(f"measure {each.kind} names an agent that the scene lacks")
+    for measure in scene.measures:
+        if not {measure.agent, measure.agent if measure.other is None else measure.other} <= known:
+            raise InputError(f"measure {measure.kind} names an agent that the scene lacks")
     for relation in scene.relations:
         for n in (relation.from_, relation.to):
             if n not in known:

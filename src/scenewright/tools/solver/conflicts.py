@@ -262,7 +262,7 @@ class ConflictSampler(ABC):
     ) -> list[tuple[_Answer, _Answer]]:
         """List the ways in which the two answer a threat, each way with each of the other's."""
         answers = [self._list_answers(k, draw.ways[k], contact, threat) for k in (0, 1)]
-        ranks = sorted(product(*(range(len(each)) for each in answers)), key=sum)
+        ranks = sorted(product(*(range(len(answer)) for answer in answers)), key=sum)
         both = [(answers[0][k], answers[1][n]) for k, n in ranks]
         if bool(draw.ways[0]) != bool(draw.ways[1]):  # else the other could have responded
             both = [each for each in both if each[0][1] or each[1][1]]

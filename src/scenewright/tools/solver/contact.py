@@ -83,7 +83,7 @@ def schedule_contacts(
     some, every = (draw(meetings, context) for draw in (_draw_inside, _draw_everywhere))
     ways = [context.reactions.ways.get(name) for name in get_pair(clause)]
     points = clause.point_first or clause.point_second or context.wants_impact_point(clause)
-    if points or any(has_trait("reaction", each, "back") for each in ways):
+    if points or any(has_trait("reaction", way, "back") for way in ways):
         some = every
     # Which one strikes depends on 0.1 s where one is short, such as a motorcycle.
     passes = [(some, True), (every, True)]

@@ -133,7 +133,7 @@ class SolverContext:
     @cached_property
     def left_hand(self) -> bool:
         """Whether people drive on the left."""
-        return any(each.left_hand for each in self.landmarks.values())
+        return any(landmark.left_hand for landmark in self.landmarks.values())
 
     def get_agent(self, name: str, schedule: PartialSchedule) -> ScheduledAgent:
         """Return the agent as placed; else its free motion, or first a wait at red."""
@@ -190,10 +190,14 @@ class SolverContext:
 
     def find_figure(self, name: str, *agents: str) -> AgentFigure | PairFigure | None:
         """Find the figure of this name that is asked for of these agents."""
-        for each in self.figures:
-            of = (each.agent,) if isinstance(each, AgentFigure) else (each.first, each.second)
-            if each.clause == name and of == agents:
-                return each
+        for figure in self.figures:
+            of = (
+                (figure.agent,)
+                if isinstance(figure, AgentFigure)
+                else (figure.first, figure.second)
+            )
+            if figure.clause == name and of == agents:
+                return figure
         return None
 
     def find_striker(self, clause: PairClause) -> int | None:
@@ -205,7 +209,7 @@ class SolverContext:
         """Return whether an impact point in per cent is asked for."""
         pair = set(get_pair(clause))
         points = (c for c in self.figures if isinstance(c, PairFigure) and "_point" in c.clause)
-        return any({each.first, each.second} == pair for each in points)
+        return any({point.first, point.second} == pair for point in points)
 
     def note_miss(
         self, clause: PairClause, reached: FailureStage, words: str, *, off: float = 0.0

@@ -157,7 +157,11 @@ def starts_on_red(actor: ScheduledAgent, moment: SceneTiming) -> bool:
     if actor.enters >= 0.0 or not _is_red_at_start(actor, moment):
         return False
     s = actor.find_place(0.0)
-    own = [each for each in actor.landmarks.crosswalks if each[0] == actor.landmarks.own_crosswalk]
+    own = [
+        crosswalk
+        for crosswalk in actor.landmarks.crosswalks
+        if crosswalk[0] == actor.landmarks.own_crosswalk
+    ]
     return any(begin - _MARGIN < s < end + _MARGIN for _, begin, end in own)
 
 

@@ -351,7 +351,7 @@ def _queue_behind(a: ScheduledAgent, b: ScheduledAgent, rng: np.random.Generator
     stands = [(stop.s, stop.start, stop.until) for stop in b.stops]
     if b.contact is not None:
         last = float(b.motion.s[-1])
-        stands = [each for each in stands if each[0] < last - 1.0]
+        stands = [stand for stand in stands if stand[0] < last - 1.0]
         stands.append((last, b.contact, b.contact + FOR_GOOD))
     stops = list(a.stops)
     for s, start, until in stands:

@@ -92,11 +92,11 @@ def list_separations(
 
 def split_by_agents(schedule: PartialSchedule) -> list[PartialSchedule]:
     """Split a schedule into parts that share no agent; an agent without an event is a part."""
-    groups = join_names(schedule.actors, (get_pair(each.clause) for each in schedule.events))
+    groups = join_names(schedule.actors, (get_pair(event.clause) for event in schedule.events))
     return [
         PartialSchedule(
             {name: each for name, each in schedule.actors.items() if name in group},
-            tuple(each for each in schedule.events if get_pair(each.clause)[0] in group),
+            tuple(event for event in schedule.events if get_pair(event.clause)[0] in group),
         )
         for group in groups
     ]
@@ -105,7 +105,7 @@ def split_by_agents(schedule: PartialSchedule) -> list[PartialSchedule]:
 def split_clauses(clauses: Sequence[PairClause]) -> list[tuple[PairClause, ...]]:
     """Split clauses into lists that share no agent, each in the order given."""
     groups = join_names((), map(get_pair, clauses))
-    return [tuple(each for each in clauses if get_pair(each)[0] in group) for group in groups]
+    return [tuple(clause for clause in clauses if get_pair(clause)[0] in group) for group in groups]
 
 
 def join_names(names: Iterable[str], pairs: Iterable[tuple[str, str]]) -> list[set[str]]:
@@ -123,7 +123,7 @@ def join_names(names: Iterable[str], pairs: Iterable[tuple[str, str]]) -> list[s
 
 def join_schedules(parts: Sequence[PartialSchedule], rng: np.random.Generator) -> PartialSchedule:
     """Join schedules that share no agent, all but the first moved in time."""
-    moved = [parts[0], *(each.shift(round(float(rng.uniform(*APART)), 1)) for each in parts[1:])]
+    moved = [parts[0], *(part.shift(round(float(rng.uniform(*APART)), 1)) for part in parts[1:])]
     actors = {name: actor for each in moved for name, actor in each.actors.items()}
     return PartialSchedule(actors, tuple(event for each in moved for event in each.events))
 
@@ -159,7 +159,7 @@ def _find_free_shifts(placed: PartialSchedule, part: PartialSchedule) -> list[in
         apart = (b.enters - a.enters) / STEP
         for low, high in find_blocked_offsets(a, b, strict=True):
             free &= (steps + apart <= low) | (steps + apart >= high)
-    return [int(each) for each in shifts[free]]
+    return [int(shift) for shift in shifts[free]]
 
 
 _CLEARLY = 0.2
@@ -195,17 +195,17 @@ class ForegroundSolver:
     ) -> Iterator[PartialSchedule]:
         """List every schedule (lazily, several per clause) under which all clauses hold, in
         order."""
-        gaps = [each for each in clauses if isinstance(each, TimeGap)]
-        self._context.pets = {get_pair(each): each for each in gaps}
+        gaps = [clause for clause in clauses if isinstance(clause, TimeGap)]
+        self._context.pets = {get_pair(gap): gap for gap in gaps}
         self._context.pushed = {
-            each.first: each.second
-            for each in clauses
-            if isinstance(each, Contact) and has_trait("manoeuvre", each.cause, "chain")
+            clause.first: clause.second
+            for clause in clauses
+            if isinstance(clause, Contact) and has_trait("manoeuvre", clause.cause, "chain")
         }
         named = Counter(name for each in clauses for name in get_pair(each))
         self._context.busy = frozenset(name for name, count in named.items() if count > 1)
         # A PET asked for besides another relation of the two is checked when that one is placed.
-        others = [{*get_pair(each)} for each in clauses if not isinstance(each, TimeGap)]
+        others = [{*get_pair(clause)} for clause in clauses if not isinstance(clause, TimeGap)]
         ordered = sorted(clauses, key=lambda each: each in gaps and {*get_pair(each)} in others)
         parts = split_clauses(ordered)
         if schedule.actors or len(parts) < 2:

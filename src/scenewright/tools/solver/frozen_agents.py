@@ -68,7 +68,7 @@ class FrozenAgentsSearch(Search):
         self._pins = frozen
         self._placer.keep_earlier(frozen.earlier.objects)
         self._unchanged = frozenset(frozen.same)
-        self._events = tuple(each for each in self._events if self._needs_scheduling(each))
+        self._events = tuple(event for event in self._events if self._needs_scheduling(event))
         self._near = tuple(each for each in self._near if self._needs_scheduling(each))
         self._before = tuple(each for each in self._before if self._needs_scheduling(each))
         acting = {name for each in self._events for name in get_pair(each)}
@@ -114,7 +114,7 @@ class FrozenAgentsSearch(Search):
                 self._failures["the signal programme allows no such moment"] += 1
                 return None
             schedule = moved
-        begins = min((each.begins for each in schedule.events), default=0.0)
+        begins = min((event.begins for event in schedule.events), default=0.0)
         if begins < 0.0 or (schedule.events and find_needed_end(schedule) > MAX_SECONDS - 0.2):
             self._failures["the events do not fit beside those that stay"] += 1
             return None
@@ -124,10 +124,10 @@ class FrozenAgentsSearch(Search):
         """Shift the schedule to about its earlier time, at a moment that the lights allow."""
         if not self._pins.lights:
             return super()._shift_to_scene_time(schedule)
-        first = min(each.time for each in schedule.events)
+        first = min(event.time for event in schedule.events)
         before = self._pins.earlier.first_event
         drawn_time = (float(self._rng.uniform(6.0, 15.0)) if before is None else before) - first
-        earliest = 0.5 - min(each.begins for each in schedule.events)
+        earliest = 0.5 - min(event.begins for event in schedule.events)
         latest = min(MAX_SECONDS - 0.2 - find_needed_end(schedule), _LATEST_FIRST - first)
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         shifts = np.arange(-60.0, 60.0, 0.5)

@@ -86,7 +86,7 @@ class FirstContact:
 
     @cached_property
     def _speeds(self) -> list[float]:
-        return [float(np.hypot(*each)) for each in self._velocities]
+        return [float(np.hypot(*velocity)) for velocity in self._velocities]
 
     @property
     def location(self) -> Point:

@@ -154,7 +154,7 @@ def drive_wrong_way(
     It comes back to its own side inside the junction.
     """
     path, leg = candidate.path, candidate.route.entry
-    own = [each for each in intersection_map.lanelets if each.leg == leg]
+    own = [lanelet for lanelet in intersection_map.lanelets if lanelet.leg == leg]
     lanes = [np.array(each.centreline) for each in own if each.kind == "exit"]
     ends = [np.array(each.centreline[-1]) for each in own if each.kind == "approach"]
     if not lanes or not ends:

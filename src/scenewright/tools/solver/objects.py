@@ -98,7 +98,7 @@ def find_blocked(
     for [N, M, 2]."""
     met = np.zeros(targets.shape[:2], dtype=np.bool_)
     start = eyes[:, None, :]
-    for box in (each for each in objects if each.height == "high"):
+    for box in (scene_object for scene_object in objects if scene_object.height == "high"):
         # A segment meets a rectangle where it is within both of its slabs at once.
         cos, sin = np.cos(box.heading), np.sin(box.heading)
         turn, half = np.array([(cos, -sin), (sin, cos)]), np.array([box.length, box.width]) / 2
@@ -147,7 +147,7 @@ class ObjectPlacer:
         rng: np.random.Generator,
     ) -> None:
         self._map, self._rng = intersection_map, rng
-        own = (each for each in nodes if each.met_by is None)
+        own = (node for node in nodes if node.met_by is None)
         self._nodes = sorted(own, key=lambda each: (each.hides is None, each.beyond is None))
         self._met: dict[str, ObjectRecord] = {}
         self._doors: dict[str, tuple[ObjectRecord, float]] = {}
@@ -206,7 +206,7 @@ class ObjectPlacer:
 
     def describe_nearest(self) -> str:
         """Say how near to what was asked for a pedestrian could be hidden; empty if it could."""
-        near = (self._nearest.get(each.id) for each in self._nodes if each.hides is not None)
+        near = (self._nearest.get(node.id) for node in self._nodes if node.hides is not None)
         off = [f"{lead:.1f} s" for lead in near if lead is not None]
         return f"; the nearest seen was {', '.join(off)}" if off else ""
 
@@ -228,20 +228,20 @@ class ObjectPlacer:
     ) -> tuple[ObjectRecord, ...]:
         """Place the object out of all agents' way, with its partner; empty if there is no place."""
         paths = [actor.candidate for actor in schedule.actors.values()]
-        for each in self._list_places(node, schedule, placed):
-            if any(is_in_way(path, (each,)) for path in paths):
+        for place in self._list_places(node, schedule, placed):
+            if any(is_in_way(path, (place,)) for path in paths):
                 continue
             if partner is None:
-                return (each,)
-            second = self._find_free(partner, schedule, (*placed, each), None)
+                return (place,)
+            second = self._find_free(partner, schedule, (*placed, place), None)
             if second:
-                return each, *second
+                return place, *second
         return ()
 
     @property
     def hides_pedestrian(self) -> bool:
         """Return whether an object is to hide a pedestrian."""
-        return any(each.hides is not None for each in self._nodes)
+        return any(node.hides is not None for node in self._nodes)
 
     def _list_places(
         self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
@@ -267,8 +267,8 @@ class ObjectPlacer:
         self, places: Sequence[ObjectRecord], schedule: PartialSchedule, walker: str
     ) -> tuple[ObjectRecord, ...]:
         """Keep the places near a walker's path with their middle in nobody's way, all at once."""
-        middles = geos.points([(each.x, each.y) for each in places])
-        half = np.array([(each.length, each.width) for each in places]) / 2
+        middles = geos.points([(place.x, place.y) for place in places])
+        half = np.array([(place.length, place.width) for place in places]) / 2
         kept = np.ones(len(places), dtype=np.bool_)
         for name, actor in schedule.actors.items():
             away = geos.distance(geos.LineString(actor.candidate.path.xy), middles)
@@ -323,7 +323,7 @@ class ObjectPlacer:
         if node.hides is None or node.hidden_from is None:
             return True
         pair = {node.hides, node.hidden_from}
-        times = [each.time for each in schedule.events if set(get_pair(each.clause)) == pair]
+        times = [event.time for event in schedule.events if set(get_pair(event.clause)) == pair]
         if not times:  # the interaction was settled in an earlier version, as was the place
             return place is self._kept.get(node.id)
         driver, walker = schedule.actors[node.hidden_from], schedule.actors[node.hides]
@@ -351,7 +351,7 @@ def is_in_way(
     Args:
         margin: how near is too near [m]; None: as usual for its class.
     """
-    return any(_comes_near(candidate, each, margin) for each in objects)
+    return any(_comes_near(candidate, scene_object, margin) for scene_object in objects)
 
 
 def make_sweep(candidate: Candidate, each: ObjectRecord, s: FloatArray) -> FloatArray:

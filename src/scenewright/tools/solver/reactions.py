@@ -277,7 +277,7 @@ def _fold_path(path: Path, turn: int, count: int, last: int) -> Path:
     ))  # fmt: skip
     s = _FINE * order
     rows = (path.xy[:, 0], path.xy[:, 1], path.heading, path.curvature)
-    x, y, heading, curvature = (np.asarray(np.interp(s, path.s, each)) for each in rows)
+    x, y, heading, curvature = (np.asarray(np.interp(s, path.s, row)) for row in rows)
     along: FloatArray = _FINE * np.arange(len(order), dtype=np.float64)
     return Path(np.stack((x, y), axis=1), along, heading, curvature)
 

@@ -50,7 +50,7 @@ def runs_in_time(name: str, schedule: PartialSchedule, *, until: float) -> bool:
 
 def runs_first(name: str, schedule: PartialSchedule) -> bool:
     """Return whether the agent passes its line before its last event, at any scene time."""
-    own = [each for each in schedule.events if name in get_pair(each.clause)]
+    own = [event for event in schedule.events if name in get_pair(event.clause)]
     latest = max((_find_latest_cause(each, name) for each in own), default=float("inf"))
     return compute_line_time(schedule.actors[name]) <= latest
 
@@ -108,7 +108,7 @@ def draw_red_light_starts(
         group, program = landmarks[name].group, intersection_map.signals
         if program is None or group is None or candidate.route.type != "vehicle":
             continue
-        bonds = [each for each in clauses if name in get_pair(each)]
+        bonds = [clause for clause in clauses if name in get_pair(clause)]
         # With two that wait, the light would settle when both start.
         others = (other for each in bonds for other in get_pair(each))
         if not _yields_on_green(bonds, candidates, intersection_map) or not found.keys().isdisjoint(
@@ -132,13 +132,13 @@ def _yields_on_green(
 ) -> bool:
     """Return whether these are only yields, between two that have green together."""
     return bool(bonds) and all(
-        isinstance(each, GivesWay)
+        isinstance(bond, GivesWay)
         and share_green(
-            candidates[each.first].route,
-            candidates[each.second].route,
+            candidates[bond.first].route,
+            candidates[bond.second].route,
             intersection_map=intersection_map,
         )
-        for each in bonds
+        for bond in bonds
     )
 
 
@@ -171,7 +171,7 @@ def list_signal_demands(
         return (*found, SignalDemand(group, crosses - _YELLOW, crosses + 0.3, ("yellow",)))
     if violates:
         # An agent that slows at a light that is not green waits for the light.
-        slows = [each.start for each in actor.stops if each.reason == "gives_way" and each.s < line]
+        slows = [stop.start for stop in actor.stops if stop.reason == "gives_way" and stop.s < line]
         found += [SignalDemand(group, start - _SLOWS, start + 0.3, ("green",)) for start in slows]
         return (*found, SignalDemand(group, crosses - 0.5, crosses + 0.4, ("red",)))
     near = [stop for stop in actor.stops if abs(stop.s - line) < 2.0]

@@ -207,8 +207,8 @@ class PartialSchedule:
 
     def find_busy_end(self, name: str) -> float:
         """Find until when [s] the agent is busy with events so far; -inf if with none."""
-        first = [each.ends for each in self.events if name == each.clause.first]
-        second = [each.freed for each in self.events if name == each.clause.second]
+        first = [event.ends for event in self.events if name == event.clause.first]
+        second = [event.freed for event in self.events if name == event.clause.second]
         return max([*first, *second], default=-float("inf"))
 
     def is_too_soon(self, time: float, clause: PairClause) -> bool:
@@ -218,7 +218,7 @@ class PartialSchedule:
     def has_event(self, clause: PairClause) -> bool:
         """Return whether an event is scheduled already between the clause's two agents."""
         pair = set(get_pair(clause))
-        return any(set(get_pair(each.clause)) == pair for each in self.events)
+        return any(set(get_pair(event.clause)) == pair for event in self.events)
 
     def add_event(
         self, event: ScheduledEvent, a: ScheduledAgent, b: ScheduledAgent
@@ -240,13 +240,13 @@ class PartialSchedule:
     def shift(self, seconds: float) -> PartialSchedule:
         """Shift the schedule by a multiple of the step."""
         actors = {name: actor.shift(seconds) for name, actor in self.actors.items()}
-        events = tuple(each.shift(seconds) for each in self.events)
+        events = tuple(event.shift(seconds) for event in self.events)
         return PartialSchedule(actors, events)
 
 
 def find_needed_end(schedule: PartialSchedule) -> float:
     """Find the scene time [s] by which every event has visibly ended."""
-    ends = [max(each.time, each.ends) + _ENDED for each in schedule.events]
+    ends = [max(event.time, event.ends) + _ENDED for event in schedule.events]
     for actor in schedule.actors.values():
         ends += [stop.until + _ENDED for stop in actor.stops if stop.reason == "gives_way"]
     return max(ends)

@@ -297,7 +297,7 @@ class Search:
         if not draws:
             yield {}
             return
-        orders = [self._rng.permutation(len(each.nll)) for each in draws]
+        orders = [self._rng.permutation(len(draw.nll)) for draw in draws]
         tried = dict.fromkeys(self._bound, 0)
         for n in itertools.count():
             self._varied = frozenset()
@@ -307,7 +307,7 @@ class Search:
             }
             tried |= {name: tried[name] + 1 for name in self._varied or self._bound}
             if n and n % len(draws[0].nll) == 0:
-                orders = [self._rng.permutation(len(each.nll)) for each in draws]
+                orders = [self._rng.permutation(len(draw.nll)) for draw in draws]
 
     def _set_up(
         self, choice: Mapping[str, int]
@@ -472,7 +472,7 @@ class Search:
     def _finish(self, schedule: PartialSchedule, choice: dict[str, int]) -> Selection | None:
         """Add scene time, lights and all other agents; None if one of these does not fit."""
         separations = list_separations(schedule, self._rng, self._find_lawful_offsets)
-        found = (self._time_schedule(each, choice) for each in separations)
+        found = (self._time_schedule(separation, choice) for separation in separations)
         timed = next((each for each in found if each is not None), None)
         if timed is None:
             return None
@@ -512,8 +512,8 @@ class Search:
         visible."""
         if not schedule.events:
             return schedule
-        first = min(each.time for each in schedule.events)
-        begins = min(each.begins for each in schedule.events)
+        first = min(event.time for event in schedule.events)
+        begins = min(event.begins for event in schedule.events)
         last = MAX_SECONDS - 0.2 - find_needed_end(schedule)
         earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
         latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
@@ -671,7 +671,7 @@ class Search:
         offsets = find_feasible_offsets(program, tuple(demands))
         if not len(offsets):
             return None
-        routes = [each.route for each in self._pool.agents.values() if each.chance is not None]
+        routes = [agent.route for agent in self._pool.agents.values() if agent.chance is not None]
         own = self._ground.intersection_map
         often = count_visible_agents(
             program, offsets, routes, duration=duration, intersection_map=own
@@ -720,7 +720,7 @@ class Search:
         if timed.offset is not None and program is not None:
             clock = SignalClock(program, timed.offset)
         events = (e for e in timed.schedule.events if not isinstance(e.clause, Headway))
-        conflicts = tuple((each.time, each.location) for each in events)
+        conflicts = tuple((event.time, event.location) for event in events)
         moment = SceneTiming(clock, timed.duration, conflicts)
         return [
             BackgroundAgent(
@@ -834,12 +834,12 @@ class Search:
             )
         events = tuple(
             PlannedEvent(
-                format_clause(each.clause),
-                get_pair(each.clause),
-                round(each.time, 3),
-                each.location,
+                format_clause(event.clause),
+                get_pair(event.clause),
+                round(event.time, 3),
+                event.location,
             )
-            for each in schedule.events
+            for event in schedule.events
         )
         nll = sum(float(self._pool.agents[n].nll[a.index]) for n, a in agents.items())
         return Selection(
@@ -901,9 +901,10 @@ def _build_reaction_requests(
     return ReactionRequests(
         frozenset(_list_agents(clauses, NoReaction)),
         {
-            frozenset((str(each.hides), str(each.hidden_from))): each.lead or DEFAULT_LEAD
-            for each in objects
-            if each.hides is not None
+            frozenset((str(scene_object.hides), str(scene_object.hidden_from))): scene_object.lead
+            or DEFAULT_LEAD
+            for scene_object in objects
+            if scene_object.hides is not None
         },
         {c.agent: c.how for c in clauses if isinstance(c, Reacts)},
     )
@@ -917,17 +918,18 @@ def _order_clauses(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
     ones come before others, as two that have come independently cannot be brought together.
     """
     # The leader's motion decides when it is followed where it gives way, or is not hit.
-    waits = {each.first for each in clauses if isinstance(each, GivesWay)}
-    hits = [{*get_pair(each)} for each in clauses if isinstance(each, Contact)]
+    waits = {clause.first for clause in clauses if isinstance(clause, GivesWay)}
+    hits = [{*get_pair(clause)} for clause in clauses if isinstance(clause, Contact)]
     later = [
-        each
-        for each in clauses
-        if isinstance(each, Headway) and (each.second in waits or {*get_pair(each)} not in hits)
+        clause
+        for clause in clauses
+        if isinstance(clause, Headway)
+        and (clause.second in waits or {*get_pair(clause)} not in hits)
     ]
-    sooner = [each for each in clauses if each not in later]
+    sooner = [clause for clause in clauses if clause not in later]
     named = Counter(name for each in sooner for name in get_pair(each))
     contacts = (each for each in sooner if isinstance(each, Contact))
-    ends = [each for each in contacts if max(named[name] for name in get_pair(each)) > 1]
+    ends = [contact for contact in contacts if max(named[name] for name in get_pair(contact)) > 1]
     ends.sort(key=_is_pushed)
     return _put_connected_first([*(each for each in sooner if each not in ends), *ends, *later])
 
@@ -952,7 +954,7 @@ def _put_connected_first(clauses: list[_EventClause]) -> tuple[_EventClause, ...
 @cache
 def load_motion(clause: str) -> MotionTemplate:
     """The template of the kind that a clause stands for."""
-    name = next(each.template for each in list_kinds("motion") if each.clause == clause)
+    name = next(kind.template for kind in list_kinds("motion") if kind.clause == clause)
     return cast(MotionTemplate, load_function(str(name), __package__))
 
 

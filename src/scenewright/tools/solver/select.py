@@ -54,7 +54,7 @@ class MinCostSearch(Search):
         best: Selection | None = None
         undecided, tried = float("inf"), 0
         draws = [self._pool.agents[name] for name in self._bound]
-        for indices in enumerate_best_first([each.nll + each.time_nll for each in draws]):
+        for indices in enumerate_best_first([draw.nll + draw.time_nll for draw in draws]):
             choice = dict(zip(self._bound, indices, strict=True))
             floor = others + sum(self._get_cost(name, m) for name, m in choice.items())
             spent = tried >= _MAP_TUPLES or self._glances >= _MAP_ASSIGNMENTS
@@ -88,7 +88,7 @@ class MinCostSearch(Search):
                 continue
             framings += 1
             self._glances += 1
-            fixed = [each.cut_after(timed.duration) for each in timed.schedule.actors.values()]
+            fixed = [actor.cut_after(timed.duration) for actor in timed.schedule.actors.values()]
             others = self._list_background(timed, [each.name for each in self._others])
             assignment = assign_in_turn(others, fixed, self._pool.background, self._pool.least)
             if isinstance(assignment, str):
@@ -145,7 +145,7 @@ def enumerate_best_first(costs: Sequence[FloatArray]) -> Iterator[tuple[int, ...
     Args:
         costs: one array per agent: the cost of each of its candidates [nats].
     """
-    orders = [np.argsort(each, kind="stable") for each in costs]
+    orders = [np.argsort(cost, kind="stable") for cost in costs]
     ranked = [each[order] for each, order in zip(costs, orders, strict=True)]
     start = (0,) * len(costs)
     heap, seen = [(_sum_costs(ranked, start), start)], {start}

@@ -458,10 +458,17 @@ def _find_creep_place(
     turn, walks = a.candidate.route.movement, b.candidate.route.type == "pedestrian"
     # An agent that turns right and lets a vehicle pass waits at its line.
     waits = turn in ("left", "uturn") or (turn == "right" and walks)
-    by = next((each for each in landmarks.crosswalks if line is not None and each[1] >= line), None)
+    by = next(
+        (
+            crosswalk
+            for crosswalk in landmarks.crosswalks
+            if line is not None and crosswalk[1] >= line
+        ),
+        None,
+    )
     if not (seen and waits and landmarks.group is not None and by is not None):
         return landmarks, np.inf
-    rest = tuple(each for each in landmarks.crosswalks if each is not by)
+    rest = tuple(crosswalk for crosswalk in landmarks.crosswalks if crosswalk is not by)
     shorter = (by[0], by[1], max(by[2] - length - _EDGE, by[1]))
     return replace(landmarks, crosswalks=(shorter, *rest)), shorter[2] + _PAST_EDGE
 

@@ -296,7 +296,7 @@ def _read_overtaking(result: Interpretation) -> None:
     near = [measure_in(s.words) for s in result.numbers if s.tag in ("gap", "dist")]
     within = any(each and each.unit == "m" and each.value < _CLOSE_CLEARANCE for each in near)
     edge = RelationDraft("near_miss", agents[0], agents[1]) if not result.eventful else None
-    edge = relations[0] if [each.type for each in relations] == ["near_miss"] else edge
+    edge = relations[0] if [relation.type for relation in relations] == ["near_miss"] else edge
     if edge is None or not (
         _PATTERNS.overtakes.search(text) and (within or _PATTERNS.closely.search(text))
     ):
@@ -647,8 +647,12 @@ def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
     """One more relation; in a change it takes the place of what the two did before."""
     relations = result.draft.relations
     if result.changing:
-        relations[:] = [each for each in relations if each.pair != edge.pair]
-    same = [each for each in relations if each.type == edge.type and each.pair == edge.pair]
+        relations[:] = [relation for relation in relations if relation.pair != edge.pair]
+    same = [
+        relation
+        for relation in relations
+        if relation.type == edge.type and relation.pair == edge.pair
+    ]
     if same:
         same[0].kind = same[0].kind or edge.kind
         same[0].first = same[0].first or edge.first

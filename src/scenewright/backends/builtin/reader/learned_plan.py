@@ -102,10 +102,10 @@ def _let_ride(span: ReadSpan, reading: Reading) -> ReadSpan:
     where that one rides."""
     riders = [each for each in reading.spans if each.tag in ("cyc", "scoot")]
     before = [
-        each
-        for each in riders
-        if each.end <= span.start
-        and _PATTERNS.on_the.fullmatch(reading.text[each.end : span.start])
+        rider
+        for rider in riders
+        if rider.end <= span.start
+        and _PATTERNS.on_the.fullmatch(reading.text[rider.end : span.start])
     ]
     if span.tag not in ("cw", "cross") or len(before) != 1 or len(before[0].subjects) != 1:
         return span
@@ -285,7 +285,9 @@ def _play_phrase(
     for span in spans:
         ends = [interpretation.users.get(n) for n in (*span.subjects[:1], *span.objects[:1])]
         relations = interpretation.draft.relations
-        theirs = [each for each in relations if each.from_ in ends and each.to in ends]
+        theirs = [
+            relation for relation in relations if relation.from_ in ends and relation.to in ends
+        ]
         if any(each.type == "near_miss" for each in theirs):  # "and nearly hits it"
             for collision in [each for each in theirs if each.type == "collide_at"]:
                 theirs.remove(collision)

@@ -181,7 +181,7 @@ def _drop_follows(result: Interpretation) -> None:
     relations, by_braking = result.draft.relations, find_marked("manoeuvre", "brakes")
     others = {e.pair for e in relations if e.manoeuvre == by_braking and e.type != "follow"}
     dropped = [e for e in relations if e.type == "follow" and e.pair in others]
-    relations[:] = [each for each in relations if each not in dropped]
+    relations[:] = [relation for relation in relations if relation not in dropped]
     for n, entry in enumerate(result.entries):
         pair = frozenset(result.list_agents(entry.users))
         if entry.became == "relation" and entry.value == "follow" and pair in others:

@@ -39,7 +39,7 @@ def orient_orders(reading: Reading) -> Reading:
     ]
     for at, span in enumerate(reading.spans):
         if span.tag == "first" and at not in settled and not has_order_words(span.words):
-            same = [each for each in pairs if set(each) == {span.subjects, span.objects}]
+            same = [pair for pair in pairs if set(pair) == {span.subjects, span.objects}]
             settled |= {at: same[0]} if same else {}
     spans = tuple(
         _turn(span, settled[at]) if at in settled else span for at, span in enumerate(reading.spans)
@@ -122,7 +122,7 @@ def _find_late_subject(
 def _find_next_party(
     reading: Reading, span: ReadSpan, parties: Parties
 ) -> tuple[ReadSpan, tuple[int, ...]] | None:
-    later = [each for each in _list_parties(reading, parties) if each[0].start >= span.end]
+    later = [party for party in _list_parties(reading, parties) if party[0].start >= span.end]
     return min(later, key=lambda each: each[0].start, default=None)
 
 

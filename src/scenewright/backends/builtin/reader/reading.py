@@ -191,9 +191,9 @@ def _gather(path: list[int], chances: Floats, encoding: Any) -> list[_TokenSpan]
         else:
             spans.append(_TokenSpan(at, at, label, sure))
     return [
-        each
-        for each in spans
-        if any(map(str.isalnum, "".join(encoding.tokens[each.first : each.last + 1])))
+        span
+        for span in spans
+        if any(map(str.isalnum, "".join(encoding.tokens[span.first : span.last + 1])))
     ]
 
 

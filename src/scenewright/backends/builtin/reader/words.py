@@ -84,12 +84,12 @@ def _load_pattern() -> re.Pattern[str]:
 
 def find_subtype(words: str) -> str | None:
     """The subtype of vehicle that some words name first; None where they leave it open."""
-    return next((each.subtype for each in find_nouns(words) if each.subtype), None)
+    return next((noun.subtype for noun in find_nouns(words) if noun.subtype), None)
 
 
 def find_class(words: str) -> AgentClass | None:
     """The class of road user that some words name first; None where they leave it open."""
-    return next((each.kind for each in find_nouns(words) if each.kind != "none"), None)
+    return next((noun.kind for noun in find_nouns(words) if noun.kind != "none"), None)
 
 
 COARSE = {kind.id: kind.wider for kind in list_shipped("subtype") if kind.wider}

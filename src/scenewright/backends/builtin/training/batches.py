@@ -60,7 +60,7 @@ def encode_row(row: AnnotatedText, tokenizer: Any) -> EncodedRow:
     return EncodedRow(
         tuple(encoding.ids[:MOST_TOKENS]),
         parts,
-        tuple(each for each in spans if each is not None),
+        tuple(span for span in spans if span is not None),
         KINDS.index(row.kind),
     )
 
