@@ -57,8 +57,10 @@ def test_so_is_a_vehicle_or_a_pedestrian_before_it():
     assert find([waiting_car(8.0), walker]) == []
 
 
-def test_a_vehicle_far_from_the_line_stands_for_another_reason():
-    assert find([waiting_car(8.0, x=-60.0)]) == []
+@pytest.mark.parametrize(("front", "found"), [(3.9, ["stands_on_green"]), (4.1, [])])
+def test_a_vehicle_stands_at_the_line_where_its_front_is_within_four_metres_of_it(front, found):
+    car = waiting_car(8.0, x=-47.7 + 0.4 - front)
+    assert [rule for rule, _, _ in find([car])] == found
 
 
 @pytest.mark.parametrize(("seconds", "found"), [(3.0, []), (9.0, ["misses_walk_phase"])])

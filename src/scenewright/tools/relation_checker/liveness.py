@@ -43,7 +43,7 @@ def check_liveness(
             if end - begin <= MOST_ON_GREEN:
                 continue
             light, away = lights.find_light_after(track, end)
-            if light is None or away - track.nose > AT_LINE:
+            if light is None or away > AT_LINE:
                 continue
             green = next((
                 first for start, stop in lights.list_green_spans(light)
