@@ -390,3 +390,14 @@ def test_what_would_leave_a_push_without_its_striker_is_refused(
     assert reply["kind"] == "refused"
     assert "no agent strikes it" in reply["reason"]
     assert not reply["reason"].startswith("Value error")
+
+
+def test_members_of_a_group_are_not_counted_as_background_when_a_stop_moves(
+    talk: Conversation,
+) -> None:
+    def count_walkers(shown: SessionVersion) -> int:
+        return sum(agent.type == "pedestrian" for agent in shown.record.agents)
+
+    before = talk.made("A car yields to a group of five pedestrians on the crosswalk")
+    after = talk.made("vehicle-1 stops one metre later")
+    assert count_walkers(after) == count_walkers(before) > 5

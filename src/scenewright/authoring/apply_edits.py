@@ -316,9 +316,13 @@ def _amend_agents(
 def _count_background(
     earlier: PreviousVersion, before: SocialGraph, edits: tuple[Edit, ...]
 ) -> dict[AgentClass, int]:
-    """How many of each class: as they were, but where an edit says otherwise."""
+    """How many of each class, without members of asked groups: as before, or as an edit says."""
     once = {agent.id for agent in before.agents}
-    here = [each.agent for name, each in earlier.agents.items() if name not in once]
+    here = [
+        known.agent
+        for name, known in earlier.agents.items()
+        if name not in once and known.agent.group not in once
+    ]
     counts: dict[AgentClass, int] = {
         kind: sum(agent.candidate.route.type == kind for agent in here)
         for kind in ("vehicle", "pedestrian")

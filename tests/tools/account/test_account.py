@@ -231,6 +231,8 @@ MUTATIONS = (
              "not_shown"),
     Mutation("sight", YIELD, "A bus yields to a hidden pedestrian", "hidden", "not_shown"),
     Mutation("group", YIELD, "A bus yields to a pedestrian arm in arm", "arm", "not_shown"),
+    Mutation("count", YIELD, "A bus yields to a group of five pedestrians", "five",
+             forge=forge_group),
     Mutation("point", CRASH, "A car hits a van on the bumper", "bumper", "not_shown"),
     Mutation("kind", CRASH, "A car rear-ends a van", "rear-ends"),
     Mutation("kind", CRASH, "A car sideswipes a van", "sideswipes"),

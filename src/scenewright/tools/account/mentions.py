@@ -75,20 +75,33 @@ def find_mentions(tokens: Sequence[Token]) -> tuple[Mention, ...]:
             if persons and not any(token.is_in("drivers") for token in tokens):
                 mention = replace(mention, classes=frozenset().union(*persons))
         alone = mention.pronoun and tokens[n].text == "another"
-        if (
-            mentions and alone and tokens[n - 1].text not in ("one", "after")
-        ):  # "a car hits another"
+        if mentions and alone and tokens[n - 1].text not in ("one", "after"):
+            # "a car hits another"
             mention = replace(mention, classes=mentions[-1].classes, pronoun=False, nouns=(n,))
-        if mentions and _is_ridden(tokens, mentions[-1], mention):
-            person = mentions[-1]
-            mentions[-1] = replace(
-                person, classes=mention.classes, stop=mention.stop, head=mention.head,
-                nouns=(*person.nouns, *mention.nouns), label=mention.label,
-            )  # fmt: skip
+        joined = _join_mentions(tokens, mentions[-1], mention) if mentions else None
+        if joined is not None:
+            mentions[-1] = joined
         else:
             mentions.append(mention)
         n = mention.stop
     return tuple(mentions)
+
+
+def _join_mentions(tokens: Sequence[Token], first: Mention, second: Mention) -> Mention | None:
+    """One mention of two that name the same road users; None where they name others."""
+    is_group = tokens[first.head].has("group") and tokens[first.stop].text == "of"
+    if is_group and second.start == first.stop + 1:  # "a group of five pedestrians"
+        walks = "pedestrian" in second.classes
+        return replace(
+            second, start=first.start, new=first.new, definite=first.definite,
+            nouns=(*first.nouns, *second.nouns) if walks else second.nouns,
+        )  # fmt: skip
+    if _is_ridden(tokens, first, second):
+        return replace(
+            first, classes=second.classes, stop=second.stop, head=second.head,
+            nouns=(*first.nouns, *second.nouns), label=second.label,
+        )  # fmt: skip
+    return None
 
 
 def _read_noun(tokens: Sequence[Token], n: int) -> Mention | None:
