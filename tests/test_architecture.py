@@ -6,6 +6,7 @@ import importlib
 import subprocess
 import sys
 import tomllib
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import grimp
@@ -61,6 +62,16 @@ def test_no_room_outgrows_its_lines() -> None:
     }
     assert rooms.keys() == allowed.keys()
     assert {room: lines for room, lines in rooms.items() if lines > allowed[room]} == {}
+
+
+def test_no_module_imports_one_that_imports_it() -> None:
+    """Faces of packages aside, which name what their modules hold."""
+    graph = grimp.build_graph("scenewright", cache_dir=None)
+    modules = {module for module in graph.modules if not graph.find_children(module)}
+    imports = {
+        module: graph.find_modules_directly_imported_by(module) & modules for module in modules
+    }
+    TopologicalSorter(imports).prepare()  # raises CycleError with the modules of a cycle
 
 
 def test_the_lab_stays_small_and_outside() -> None:
