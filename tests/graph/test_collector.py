@@ -41,3 +41,9 @@ def test_who_has_switched_it_off_has_it_off() -> None:
     with collect_rarely():
         assert gc.get_threshold()[0] == 0
     assert gc.get_threshold() == (0, 10, 10)
+
+
+def test_who_lets_it_look_more_rarely_still_keeps_that() -> None:
+    gc.set_threshold(100_000, 50, 50)
+    with collect_rarely():
+        assert gc.get_threshold() == (100_000, 50, 50)

@@ -374,3 +374,11 @@ def test_a_pedestrian_from_behind_a_parked_truck_is_seen_late() -> None:
     assert 1.0 <= figure["before_event"] <= 3.0
     assert {each.state for each in scene.proof.account} <= {"seen", "stands_anyway"}
     assert verify(scene.record) == scene.proof
+
+
+def test_a_strike_at_nearly_the_highest_speed_is_made() -> None:
+    text = "A car hits a van at 71.9 km/h at the point of impact"
+    scene = synthesize(text, seed=1, refiner="none")
+    (asked,) = scene.record.relations
+    assert asked.impact_speed == pytest.approx(71.9 / 3.6, abs=0.01)
+    assert scene.proof.verified

@@ -29,7 +29,7 @@ def collect_rarely() -> Iterator[None]:
     with _LOCK:
         before = _usual[0] if _usual else gc.get_threshold()
         _usual.append(before)
-        if before[0]:  # else it has been switched off
+        if 0 < before[0] < _RARELY[0]:  # 0: it has been switched off
             gc.set_threshold(*_RARELY)
     try:
         yield

@@ -107,8 +107,8 @@ def route_after_verifier(
 def _sample_afresh(state: SceneState, context: RunContext) -> Literal["agent_generator", "give_up"]:
     """Lawful samples within the budget; then as many with a red light that is run unasked."""
     spent = count_samples(state.get("rejections", []), state.get("refinement"))
-    budget = context.budgets.generator
-    if spent == budget + 1:
+    first_and_retries = context.budgets.generator + 1
+    if spent == first_and_retries:
         # The last sample was lawful and another need not be.
         more = (
             not context.lawful
@@ -118,7 +118,7 @@ def _sample_afresh(state: SceneState, context: RunContext) -> Literal["agent_gen
             )
         )
     else:
-        more = spent <= 2 * budget + 1
+        more = spent < 2 * first_and_retries
     return "agent_generator" if more else "give_up"
 
 

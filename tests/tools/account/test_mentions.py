@@ -92,3 +92,12 @@ def test_a_counted_vehicle_before_an_event_may_be_of_any_class() -> None:
 def test_a_man_told_of_again_is_the_one_who_rides() -> None:
     assert "cyclist" in find("a car passes a man on a bike and the man swerves")[2].classes
     assert find("a car passes a man on a bike and a man walks")[2].classes == {"pedestrian"}
+
+
+def test_a_group_of_so_many_is_one_mention_of_so_many() -> None:
+    tokens = read_tokens("a car yields to a group of five pedestrians")
+    _, group = find_mentions(tokens)
+    assert [token.text for token in tokens[group.start : group.stop]] == [
+        "a", "group", "of", "five", "pedestrians",
+    ]  # fmt: skip
+    assert (group.classes, group.count, group.new) == ({"pedestrian"}, 5, True)

@@ -68,8 +68,10 @@ class ExportedAgent:
         velocity = differentiate(xy, step)
         kind = find_kind(record.type, record.subtype)
         return cls(
-            record.id, record.name, kind, record.type, record.role, record.length, record.width,
-            record.waypoints, round(record.spawn_time / step), step, xy, heading, velocity,
+            id=record.id, name=record.name, kind=kind, type=record.type, role=record.role,
+            length=record.length, width=record.width, waypoints=record.waypoints,
+            first=round(record.spawn_time / step), step=step, xy=xy, heading=heading,
+            velocity=velocity,
         )  # fmt: skip
 
     @classmethod
@@ -81,8 +83,9 @@ class ExportedAgent:
         xy, heading = np.array([[record.x, record.y]]), wrap_angles(np.array([record.heading]))
         first = min(math.ceil((record.since or 0.0) / step - 1e-6), steps - 1)
         return cls(
-            number, record.id, kind, "vehicle", "object", record.length, record.width, (),
-            first, step, xy, heading, np.zeros_like(xy),
+            id=number, name=record.id, kind=kind, type="vehicle", role="object",
+            length=record.length, width=record.width, waypoints=(), first=first, step=step,
+            xy=xy, heading=heading, velocity=np.zeros_like(xy),
         ).hold(first, steps)  # fmt: skip
 
     @property

@@ -112,7 +112,9 @@ def find_reader(name: str, data: bytes = b"") -> Format | None:
         for reader in FORMATS.values()
         if reader.files and re.search(f"{reader.files}$", file)
     ]
-    return readers[-1] if b"<commonRoad" in data[:100_000] else next(iter(readers), None)
+    if not readers:
+        return None
+    return readers[-1] if b"<commonRoad" in data[:100_000] else readers[0]
 
 
 def read_scenarios(data: bytes, *, name: str, **options: Any) -> list[SampledRecording]:

@@ -142,7 +142,7 @@ def apply_measures(
     stated = {measure.agent for measure in measures if measure.kind in ("speed", "line_speed")}
     for name, speed in _list_strike_speeds(graph):
         if speed > _TURNING and name not in stated:
-            least = speed + 0.2
+            least = min(speed + 0.2, _FASTEST)
             _draw_field(agents, name, "speed", (least, min(least + _FASTER, _FASTEST)), rng)
     for measure in measures:
         field = _FIELDS.get(measure.kind)

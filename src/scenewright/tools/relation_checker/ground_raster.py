@@ -90,8 +90,9 @@ def rasterize_area(area: Area) -> RasterizedArea:
     if area.is_empty:
         return RasterizedArea(area, np.zeros(2), np.zeros((0, 0), dtype=np.int8))
     west, south, east, north = (float(v) for v in area.bounds)
-    x = np.arange(np.floor(west), np.ceil(east), CELL)
-    y = np.arange(np.floor(south), np.ceil(north), CELL)
+    # An edge on a whole metre is in the next cell.
+    x = np.arange(np.floor(west), np.floor(east) + CELL, CELL)
+    y = np.arange(np.floor(south), np.floor(north) + CELL, CELL)
     boxes = geos.box(x, y[:, None], x + CELL, y[:, None] + CELL)
     cells = np.where(geos.intersects(area, boxes), 2, 0).astype(np.int8)
     cells[geos.contains_properly(area, boxes)] = 1
