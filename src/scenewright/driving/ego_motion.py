@@ -19,8 +19,10 @@ HARDEST_BRAKING, HARDEST_ACCELERATION = 10.0, 4.0
 FASTEST = 20.0
 LARGEST_STEERING = 0.6
 """Steering angle of the front wheels [rad]; more is cut off."""
-WHEELBASE = 0.6
-"""As a share of the length."""
+WHEELBASE_SHARE = 0.6
+"""Of the length."""
+LOOK_AHEAD, LOOK_AHEAD_TIME = 2.0, 0.6
+"""Pure pursuit steers for a point at least so far ahead [m], and as far as this time takes [s]."""
 WAYPOINTS = 6
 WAYPOINT_STEP = 0.5
 """Time between the waypoints of an action [s]."""
@@ -92,8 +94,8 @@ def move_ego(
     if mode == "route":
         return _move_along_route(state, float(action[0]), route, step)
     if mode == "waypoints":
-        action = _follow_waypoints(state, action, length * WHEELBASE)
-    return _move_bicycle(state, action, route, length * WHEELBASE, step)
+        action = _follow_waypoints(state, action, length * WHEELBASE_SHARE)
+    return _move_bicycle(state, action, route, length * WHEELBASE_SHARE, step)
 
 
 def _change_speed(state: EgoState, acceleration: float, step: float) -> float:
@@ -135,13 +137,13 @@ def _follow_waypoints(state: EgoState, waypoints: FloatArray, wheelbase: float) 
     """Acceleration and steering (pure pursuit) that lead through the waypoints."""
     legs = np.diff(np.concatenate([np.zeros((1, 2)), waypoints]), axis=0)
     lengths = np.hypot(*legs.T)
-    wanted = lengths[:2].sum() / (2 * WAYPOINT_STEP)
-    reach = max(2.0, 0.6 * state.speed)
+    desired_speed = lengths[:2].sum() / (2 * WAYPOINT_STEP)
+    reach = max(LOOK_AHEAD, LOOK_AHEAD_TIME * state.speed)
     ahead = np.flatnonzero(np.hypot(*waypoints.T) >= reach)
     target = waypoints[ahead[0] if len(ahead) else -1]
-    distance = max(float(target @ target), 1.0)
-    steering = np.arctan(2 * wheelbase * target[1] / distance) if target[0] > 0.1 else 0.0
-    return np.array([(wanted - state.speed) / WAYPOINT_STEP, steering])
+    squared_distance = max(float(target @ target), 1.0)
+    steering = np.arctan(2 * wheelbase * target[1] / squared_distance) if target[0] > 0.1 else 0.0
+    return np.array([(desired_speed - state.speed) / WAYPOINT_STEP, steering])
 
 
 def project(route: AgentPath, x: float, y: float, *, near: float) -> tuple[float, float]:
