@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -247,3 +248,12 @@ def test_more_relations_than_pairs_are_refused(copied: Path, name: str, row: Jso
     scene = json.loads((copied / "scene.json").read_bytes())
     with pytest.raises(InputError, match=f"it has 20000 {name}; a scene of"):
         verify(SceneRecord.model_validate(scene))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+@pytest.mark.parametrize("name", ["proof.json", "provenance.json"])
+def test_a_pipe_beside_a_scene_is_refused(copied: Path, name: str) -> None:
+    (copied / name).unlink(missing_ok=True)
+    os.mkfifo(copied / name)
+    with pytest.raises(InputError, match=f"cannot read .*{name}: it is a device or a pipe"):
+        verify(copied, strict=True)

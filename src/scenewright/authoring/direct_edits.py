@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from scenewright.errors import InputError
+from scenewright.errors import InputError, describe_misfit
 from scenewright.geometry.polyline import interpolate_points, measure_arc_lengths
 from scenewright.scene.base import AgentId, Compass, Model, Movement
 from scenewright.scene.edits import ChangeAgent, ComeLater, Edit, MoveStop, SetPace, WaitLonger
@@ -51,9 +51,7 @@ def read_direct_edits(asked: Any, graph: SocialGraph) -> tuple[tuple[Edit, ...],
     try:
         edits = _DIRECT.validate_python(asked)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"this is no change: {where}: {first['msg']}") from None
+        raise InputError(f"this is no change: {describe_misfit(error)}") from None
     typed: list[Edit] = []
     for edit in edits:
         if not isinstance(edit, ChooseWay):

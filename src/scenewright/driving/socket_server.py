@@ -16,7 +16,7 @@ from scenewright.driving.env import DriveEnv
 from scenewright.driving.report import report_drive
 from scenewright.driving.scenario import Scenario
 from scenewright.driving.single_drive import Drive
-from scenewright.errors import InputError, ScenewrightError
+from scenewright.errors import InputError, ScenewrightError, describe_misfit
 from scenewright.scene.base import Model
 
 LONGEST_LINE = 65_536
@@ -105,8 +105,7 @@ class Session(socketserver.StreamRequestHandler):
                 raise InputError(f"a line has {LONGEST_LINE} bytes at most")
             return self._answer(Request.model_validate_json(line, strict=True))
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            return {"error": f"{'.'.join(map(str, first['loc'])) or 'line'}: {first['msg']}"[:300]}
+            return {"error": describe_misfit(error, "line")[:300]}
         except ScenewrightError as error:
             return {"error": " ".join(str(error).split())[:300]}
 

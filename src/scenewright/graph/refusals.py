@@ -30,13 +30,15 @@ def build_cut_off(
     rejections = tuple(state.get("rejections", []))
     reason = _choose_best_reason(rejections) if rejections else "the first attempt was not done"
     count = f"{len(rejections)} attempt{'' if len(rejections) == 1 else 's'}"
-    cut = f"{count}: it cut off the {error.stage.replace('_', ' ')}; {reason}"
+    cut_off = f"{count}: it cut off the {error.stage.replace('_', ' ')}; {reason}"
     if isinstance(error, TimeLimitReachedError):
-        told = f"no verified scene within {error.seconds:g} s, the time limit, and {cut}"
-        return _call_agents(OutOfTime(told, rejections), state)
+        limit = f"{error.seconds:g} s, the time limit"
+        message = f"no verified scene within {limit}, and {cut_off}"
+        return _call_agents(OutOfTime(message, rejections), state)
     last = Rejection(stage=cast(Stage, error.stage), code="work_spent", detail=str(error))
-    told = f"no verified scene within {error.units:,} steps of the search, the limit of work, and "
-    return _call_agents(Unsatisfiable(told + cut, (*rejections, last)), state)
+    limit = f"{error.units:,} steps of the search, the limit of work"
+    message = f"no verified scene within {limit}, and {cut_off}"
+    return _call_agents(Unsatisfiable(message, (*rejections, last)), state)
 
 
 def _choose_error(rejections: tuple[Rejection, ...], *, rule: bool) -> ScenewrightError:
@@ -48,8 +50,10 @@ def _choose_error(rejections: tuple[Rejection, ...], *, rule: bool) -> Scenewrig
         return BackendFault(f"the {asked}", final=True, rejections=rejections)
     if last.stage == "scene_planner" or last.code in ("malformed_program", "unlawful"):
         return Unsatisfiable(last.detail, rejections)
-    told = f"no verified scene within {len(rejections)} attempts; {_choose_best_reason(rejections)}"
-    return Unsatisfiable(told, rejections)
+    reason = _choose_best_reason(rejections)
+    return Unsatisfiable(
+        f"no verified scene within {len(rejections)} attempts; {reason}", rejections
+    )
 
 
 def _call_agents(error: ScenewrightError, state: SceneState) -> ScenewrightError:

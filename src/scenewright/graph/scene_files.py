@@ -85,8 +85,8 @@ def read_proof(file: Path) -> Proof:
     Raises:
         InputError: it cannot be read, or is no proof; says where the first fault is.
     """
+    data = read_content(file)
     with _name_in_faults(file, "is not a proof"):
-        data = file.read_bytes()
         proof = Proof.model_validate_json(data)
         digest_json(data)  # which refuses a key twice, of which readers see one or the other
         return proof
@@ -100,8 +100,8 @@ def read_origin_digest(file: Path) -> str | None:
     """
     if not file.exists():
         return None
+    data = read_content(file)
     with _name_in_faults(file, "is no provenance"):
-        data = file.read_bytes()
         digest_json(data)  # which refuses a key twice
         about = json.loads(data)
         return about.get("scene_digest") if isinstance(about, dict) else None
@@ -112,8 +112,6 @@ def _name_in_faults(file: Path, verdict: str) -> Iterator[None]:
     """What is wrong with a file, as an InputError that names it."""
     try:
         yield
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
     except ValidationError as error:
         raise InputError(f"{file} {verdict}: {describe_misfit(error, 'file')}") from error
     except (ValueError, RecursionError) as error:

@@ -20,6 +20,8 @@ RIDERS: tuple[AgentClass, ...] = ("cyclist", "scooter")
 Compass = Literal[
     "north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"
 ]
+COMPASS_RING: tuple[Compass, ...] = get_args(Compass)
+"""All directions, clockwise."""
 OPPOSITE: dict[str, Compass] = {
     "north": "south", "south": "north", "east": "west", "west": "east",
     "northeast": "southwest", "southwest": "northeast",

@@ -24,6 +24,7 @@ from scenewright.nodes.scene_planner.reply import (
     find_similar_patterns,
 )
 from scenewright.nodes.schema import speaks_of
+from scenewright.scene.base import COMPASS_RING
 from scenewright.scene.kinds import list_kinds
 from scenewright.scene.relations import Pattern
 from scenewright.scene.route_table import RouteDescription
@@ -106,7 +107,7 @@ def describe_streets(words: str, roads: Sequence[tuple[str, str]]) -> str:
 
 _COMMON = frozenset(
     (
-        *("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"),
+        *COMPASS_RING,
         *("street", "road", "avenue", "lane", "drive", "way", "the", "of", "leg", "high", "main"),
     )
 )

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from scenewright.errors import Rejected
+from scenewright.errors import Rejected, describe_misfit
 from scenewright.scene.constraints import (
     Before,
     BrakesFor,
@@ -59,8 +59,7 @@ def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
     try:
         return ConstraintProgram(clauses=tuple(dict.fromkeys(_list_clauses(facts))))
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        detail = f"{error.title}: {'.'.join(map(str, first['loc']))}: {first['msg']}"
+        detail = f"{error.title}: {describe_misfit(error)}"
         rejection = Rejection(stage="waypoint_filter", code="malformed_program", detail=detail)
         raise Rejected(rejection) from error
 

@@ -101,7 +101,7 @@ def find_reaction_faults(graph: SocialGraph) -> Iterator[Fault]:
                 "the key out",
             )
     for wait, hit in find_waits_and_hits(graph):
-        walker, struck = graph.agent(wait.from_), graph.agent(get_other(hit, wait.to))
+        walker, struck = graph.agent(wait.from_), graph.agent(hit.get_other(wait.to))
         if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
             yield (
                 (wait.from_, wait.to),
@@ -110,7 +110,7 @@ def find_reaction_faults(graph: SocialGraph) -> Iterator[Fault]:
                 "give the two pedestrians different crosswalks",
             )
     threats = (e for e in graph.relations if e.type in ("collide_at", "near_miss"))
-    threatened = {name for edge in threats for name in (edge.from_, edge.to)}
+    threatened = {name for edge in threats for name in edge.pair}
     for agent in graph.agents:
         if agent.reaction not in (None, "none") and agent.id not in threatened:
             how = str(agent.reaction).replace("_", " ")
@@ -127,10 +127,5 @@ def find_waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, Rela
     for wait, hit in product(graph.relations, repeat=2):
         if (wait.type, hit.type) != ("yield_to", "collide_at") or wait.from_ not in walks:
             continue
-        if wait.to in (hit.from_, hit.to) and get_other(hit, wait.to) in walks - {wait.from_}:
+        if wait.to in hit.pair and hit.get_other(wait.to) in walks - {wait.from_}:
             yield wait, hit
-
-
-def get_other(edge: RelationEdge, name: str) -> str:
-    """The other agent of a relation."""
-    return edge.to if name == edge.from_ else edge.from_

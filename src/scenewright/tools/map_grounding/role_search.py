@@ -19,7 +19,6 @@ from scenewright.tools.map_grounding.hiding import can_hide
 from scenewright.tools.map_grounding.relation_faults import (
     ORDERED,
     find_waits_and_hits,
-    get_other,
     keeps_striker,
 )
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
@@ -185,7 +184,7 @@ class _RoleSearch:
 def find_asked_runners(graph: SocialGraph) -> frozenset[str]:
     """Agents of which the request says that they run a red light, or that one of two does."""
     caused = (edge for edge in graph.relations if has_trait("cause", edge.cause, "red_light"))
-    pairs = {name for edge in caused for name in (edge.from_, edge.to)}
+    pairs = {name for edge in caused for name in edge.pair}
     return frozenset(pairs | {agent.id for agent in graph.agents if agent.runs_red})
 
 
@@ -349,7 +348,7 @@ def _find_violator(
     # A giver at a red light gives way to the light, vehicles in line need one light, and
     # who only brakes too late is not the one that ran red.
     late = [edge for edge in graph.relations if has_trait("cause", edge.cause, "late")]
-    bound = {name for edge in late for name in (edge.from_, edge.to) if name.startswith("vehicle")}
+    bound = {name for edge in late for name in edge.pair if name.startswith("vehicle")}
     bound |= {edge.from_ for edge in graph.relations if edge.type in ("yield_to", "follow")}
     bound |= {edge.to for edge in graph.relations if edge.type == "follow"}
     return other if usual in bound and other not in bound else usual
@@ -358,7 +357,7 @@ def _find_violator(
 def _is_clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
     """Return whether no pedestrian waits for a vehicle that stays on its crosswalk after a hit."""
     for wait, hit in find_waits_and_hits(graph):
-        named = (wait.from_, wait.to, get_other(hit, wait.to))
+        named = (wait.from_, wait.to, hit.get_other(wait.to))
         if set(named) <= routes.keys():
             walker, vehicle, struck = (routes[name] for name in named)
             # It crosses the crosswalk of its entry before that of its exit.

@@ -7,16 +7,11 @@ from itertools import product
 
 import numpy as np
 
-from scenewright.scene.base import Compass, FloatArray
+from scenewright.scene.base import COMPASS_RING, OPPOSITE, Compass, FloatArray
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.map_elements import Route
 from scenewright.scene.relations import Pattern, Role
 from scenewright.scene.uturns import make_route
-
-_COMPASS_RING = (
-    "north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"
-)  # fmt: skip
-"""Clockwise."""
 
 _CORNER = 10.0
 """Crosswalks that end this near one another [m] share a corner."""
@@ -139,9 +134,9 @@ def _do_entries_fit(pattern: Pattern, a: Route, b: Route) -> bool:
         case "same":
             return a.entry == b.entry
         case "opposite":
-            return _are_opposite(a.entry, b.entry)
+            return OPPOSITE[a.entry] == b.entry
         case "lateral":
-            return a.entry != b.entry and not _are_opposite(a.entry, b.entry)
+            return a.entry != b.entry and OPPOSITE[a.entry] != b.entry
 
 
 def measure_ring_steps(leg: str, *, start: str) -> int:
@@ -149,11 +144,7 @@ def measure_ring_steps(leg: str, *, start: str) -> int:
 
     An agent from the north drives southwards and has the east, 2 from it, on its left.
     """
-    return (_COMPASS_RING.index(leg) - _COMPASS_RING.index(start)) % len(_COMPASS_RING)
-
-
-def _are_opposite(a: str, b: str) -> bool:
-    return measure_ring_steps(a, start=b) == 4
+    return (COMPASS_RING.index(leg) - COMPASS_RING.index(start)) % len(COMPASS_RING)
 
 
 def _is_geometry_fitting(

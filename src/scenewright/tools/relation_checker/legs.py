@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from scenewright.compiled import compiled
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import COMPASS_RING, FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import TieRecord
@@ -27,8 +27,6 @@ WELL_OUT = 8.0
 """How far out of the middle a track has chosen its exit [m]."""
 
 _SEEN_AS = {"lateral": ("left", "right"), "other": ("left", "right", "opposite")}
-
-_ROUND = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
 
 
 @compiled
@@ -83,7 +81,7 @@ def find_relative_side(entry: str, *, seen_from: str) -> str:
     >>> find_relative_side("south", seen_from="north")
     'opposite'
     """
-    turn = (_ROUND.index(entry) - _ROUND.index(seen_from)) % len(_ROUND)
+    turn = (COMPASS_RING.index(entry) - COMPASS_RING.index(seen_from)) % len(COMPASS_RING)
     if turn % 4 == 0:
         return "opposite" if turn else "same"
     return "left" if turn < 4 else "right"

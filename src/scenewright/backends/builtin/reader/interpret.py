@@ -910,7 +910,7 @@ def _settle(result: Interpretation) -> None:
 
 
 def _imply_near_miss(draft: Draft) -> None:
-    """A near miss of two of whom no event is named: what is said of them asks for one."""
+    """Add a near miss of two agents without a named event, where other words ask for one."""
     if not draft.relations and len(draft.agents) == 2:
         first, second = draft.agents
         draft.relations.append(RelationDraft("near_miss", first, second))
